@@ -1,0 +1,136 @@
+"""Harmonic balance on the nonlinear coordinates alone: every linear DOF eliminated exactly.
+
+For each harmonic k the linear machine answers a force f̂_k on the nonlinear coordinates u = S q by
+u_k = u_lin,k + S Z_k⁻¹ Sᵀ f̂_k with Z_k = K − (kΩ)² M + ikΩ (C + ΩG), Eq. (16) in complex form. The
+inverse of that small compliance, D_k, is the dynamic stiffness of the whole machine as the generator
+feels it, so H(Y) = Λ (Y − Y_lin) − Z(Y), Eq. (19), has 2(2m + 1) unknowns at any number of elements.
+
+Coefficients are stored per coordinate as [mean, sin 1, cos 1, sin 2, cos 2, …], shape (2, 2m + 1).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from hydrolab.errors import BadInput
+from hydrolab.machine.model import Model
+
+
+def fourier_rows(harmonics: int, phase: NDArray) -> NDArray:
+    """Rows 1, sin φ, cos φ, sin 2φ, cos 2φ … at the given phases; shape (2m + 1, len(phase))."""
+    rows = np.ones((2 * harmonics + 1, len(phase)))
+    for k in range(1, harmonics + 1):
+        rows[2 * k - 1], rows[2 * k] = np.sin(k * phase), np.cos(k * phase)
+    return rows
+
+
+def to_complex(coefficients: NDArray) -> NDArray:
+    """[mean, sin, cos, …] on the last axis → complex amplitudes û_k of Re Σ û_k e^{ikΩt}; (…, m + 1)."""
+    sine, cosine = coefficients[..., 1::2], coefficients[..., 2::2]
+    return np.concatenate([coefficients[..., :1] + 0j, cosine - 1j * sine], axis=-1)
+
+
+def from_complex(amplitudes: NDArray) -> NDArray:
+    """Inverse of `to_complex`."""
+    out = np.empty((*amplitudes.shape[:-1], 2 * amplitudes.shape[-1] - 1))
+    out[..., 0] = amplitudes[..., 0].real
+    out[..., 1::2], out[..., 2::2] = -amplitudes[..., 1:].imag, amplitudes[..., 1:].real
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class Condensed:
+    """A model at one speed, seen from its nonlinear coordinates; unknowns y = Y / length, flattened.
+
+    stiffness: Λ scaled by `length`/`force`, (2K, 2K) with K = 2m + 1. linear: Y_lin / length, (2, K).
+    synthesis: samples of the position from y, (K, N), m. analysis: coefficients from N forces, (N, K), 1/N.
+    products: analysis and synthesis in one, (N, K²), so that the AFT Jacobian is one matrix product.
+    recovery, shaft_linear: q_k = shaft_linear_k + recovery_k (u_k − u_lin,k), all DOFs, complex.
+    """
+
+    model: Model
+    speed: float
+    harmonics: int
+    samples: int
+    length: float
+    force: float
+    stiffness: NDArray
+    linear: NDArray
+    synthesis: NDArray
+    analysis: NDArray
+    products: NDArray
+    recovery: NDArray
+    shaft_linear: NDArray
+
+    def residual(self, y: NDArray, centre: NDArray) -> NDArray:
+        """H(Y) of Eq. (19), scaled; centre: stator centre, m."""
+        position = y.reshape(2, -1) @ self.synthesis - centre[:, None]
+        return self.stiffness @ (y - self.linear.ravel()) - (self.model.law.force(position) @ self.analysis).ravel()
+
+    def linearise(self, y: NDArray, centre: NDArray) -> tuple[NDArray, NDArray]:
+        """H(Y) and its exact Jacobian by alternating frequency and time (Cameron and Griffin 1989)."""
+        position = y.reshape(2, -1) @ self.synthesis - centre[:, None]
+        force, slope = self.model.law.linearise(position)
+        columns = len(self.synthesis)
+        residual = self.stiffness @ (y - self.linear.ravel()) - (force @ self.analysis).ravel()
+        pull = (slope.reshape(4, -1) @ self.products).reshape(2, 2, columns, columns)
+        return residual, self.stiffness - pull.transpose(0, 2, 1, 3).reshape(2 * columns, 2 * columns)
+
+
+@lru_cache(maxsize=64)
+def condense(model: Model, speed: float, harmonics: int, samples: int) -> Condensed:
+    """Eliminate the linear DOFs of a model at one speed; cached, since a branch asks again and again.
+
+    Raises BadInput where the machine can move freely (no static stiffness) or the speed is a resonance
+    without damping.
+    """
+    n, length = model.size, model.length_scale
+    amplitudes = np.zeros((harmonics + 1, n), dtype=complex)
+    recovery = np.empty((harmonics + 1, n, 2), dtype=complex)
+    stiffness = np.empty((harmonics + 1, 2, 2), dtype=complex)
+    for k in range(harmonics + 1):
+        w = k * speed
+        dynamic = model.K - w**2 * model.M + 1j * w * model.velocity_matrix(speed)
+        loads = np.zeros((n, 3), dtype=complex)
+        loads[:, :2] = model.selection.T
+        if k == 1:
+            loads[:, 2] = speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin)
+        try:
+            answer = scipy.linalg.lu_solve(scipy.linalg.lu_factor(dynamic, check_finite=False), loads,
+                                           check_finite=False)
+            stiffness[k] = np.linalg.inv(model.selection @ answer[:, :2])
+        except (np.linalg.LinAlgError, scipy.linalg.LinAlgWarning):
+            stiffness[k] = np.nan
+        if not np.isfinite(stiffness[k]).all():
+            raise BadInput(f"{model.name} at {speed:g} rad/s has no finite response in harmonic {k}: "
+                           + ("it can move freely, so give it bearings." if k == 0 else
+                              "an undamped resonance; add damping or change the speed."))
+        recovery[k] = answer[:, :2] @ stiffness[k]
+        amplitudes[k] = answer[:, 2]
+
+    columns = 2 * harmonics + 1
+    real = np.zeros((2, columns, 2, columns))
+    real[:, 0, :, 0] = stiffness[0].real
+    for k in range(1, harmonics + 1):
+        s, c = 2 * k - 1, 2 * k
+        real[:, s, :, s] = real[:, c, :, c] = stiffness[k].real
+        real[:, c, :, s], real[:, s, :, c] = stiffness[k].imag, -stiffness[k].imag
+    rows = fourier_rows(harmonics, 2 * np.pi * np.arange(samples) / samples)
+    weights = np.full(columns, 2 / samples)
+    weights[0] = 1 / samples
+    force = length * float(np.abs(stiffness[0]).max())
+    analysis = (weights[:, None] * rows).T / force
+    synthesis = length * rows
+    return Condensed(
+        model, speed, harmonics, samples, length, force,
+        stiffness=real.reshape(2 * columns, 2 * columns) * (length / force),
+        linear=from_complex((amplitudes @ model.selection.T).T) / length,
+        synthesis=synthesis, analysis=analysis,
+        products=np.einsum("nk,ln->nkl", analysis, synthesis).reshape(samples, -1),
+        recovery=recovery, shaft_linear=amplitudes,
+    )

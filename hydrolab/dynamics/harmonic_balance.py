@@ -1,0 +1,134 @@
+"""The harmonic balance method: one steady state, and natural continuation as the paper does it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydrolab.dynamics.condensation import Condensed, condense
+from hydrolab.dynamics.results import Branch, PeriodicOrbit
+from hydrolab.dynamics.solvers import Solution, newton
+from hydrolab.errors import BadInput, NoConvergence
+from hydrolab.machine.model import Model
+
+
+@dataclass(frozen=True)
+class HarmonicBalance:
+    """Harmonic balance with m harmonics and alternating frequency and time, Eqs. (10) to (19).
+
+    harmonics: m. samples: time samples in a period for the AFT step; by default 16 a harmonic, at least 64.
+    solver: `newton` or `powell_dog_leg` of hydrolab.dynamics.solvers.
+    """
+
+    harmonics: int = 4
+    samples: int | None = None
+    solver: Callable[..., Solution] = newton
+
+    def __post_init__(self) -> None:
+        if isinstance(self.harmonics, bool) or not isinstance(self.harmonics, int) or not 1 <= self.harmonics <= 64:
+            raise BadInput(f"harmonics is {self.harmonics!r}; it must be a whole number from 1 to 64.")
+        if self.samples is None:
+            object.__setattr__(self, "samples", max(64, 16 * self.harmonics))
+        if not isinstance(self.samples, int) or self.samples < 2 * self.harmonics + 2:
+            raise BadInput(f"samples is {self.samples!r}; {self.harmonics} harmonics need at least "
+                           f"{2 * self.harmonics + 2}, and several times that for a pull without aliasing.")
+
+    def equations(self, model: Model, speed: float) -> Condensed:
+        """The condensed equations of a model at a speed (rad/s)."""
+        if not (math.isfinite(speed) and speed > 0):
+            raise BadInput(f"speed is {speed!r}; it must be a positive number in rad/s (use rpm(150) for 150 rpm).")
+        return condense(model, float(speed), self.harmonics, self.samples)
+
+    def solve(self, model: Model, speed: float, static_eccentricity: float = 0.0, *,
+              direction: float = math.pi / 2, start: PeriodicOrbit | None = None) -> PeriodicOrbit:
+        """The steady state at a speed (rad/s) and a static eccentricity (fraction of the gap).
+
+        direction: gap angle of the stator offset, rad. start: a steady state to begin from; without one the
+        linear response is tried, then a walk from zero eccentricity.
+        Raises NoConvergence with what to try next, BadInput for arguments outside what is allowed.
+        """
+        eq = self.equations(model, speed)
+        centre = model.centre(static_eccentricity, direction)
+        if start is not None:
+            solution = self._solve(eq, centre, first_guess(eq, start))
+        else:
+            solution = self._solve(eq, centre, eq.linear.ravel())
+            if not solution.converged:
+                solution = self._walk(eq, centre)
+        if not solution.converged:
+            raise NoConvergence(self._advice(eq, solution, static_eccentricity))
+        return orbit_from(eq, static_eccentricity, centre, solution)
+
+    def _solve(self, eq: Condensed, centre: NDArray, y: NDArray) -> Solution:
+        return self.solver(lambda y: eq.linearise(y, centre), y)
+
+    def _walk(self, eq: Condensed, centre: NDArray, steps: int = 20) -> Solution:
+        """Reach a steady state by raising the pull to its full strength, then the offset."""
+        y = eq.linear.ravel()
+        for ratio in np.linspace(0, 1, steps + 1)[1:]:
+            weak = condense(eq.model.with_field(ratio), eq.speed, eq.harmonics, eq.samples)
+            solution = self._solve(weak, 0 * centre, y)
+            if not solution.converged:
+                return solution
+            y = solution.y
+        for ratio in np.linspace(0, 1, steps + 1)[1:]:
+            solution = self._solve(eq, ratio * centre, solution.y)
+            if not solution.converged:
+                return solution
+        return solution
+
+    def _advice(self, eq: Condensed, solution: Solution, eccentricity: float) -> str:
+        smallest = solution.smallest_singular_value
+        where = f"at {100 * eccentricity:.4g} %" if math.isfinite(eq.model.gap) else f"at {eq.speed:.4g} rad/s"
+        left = np.abs(solution.residual).max() * eq.force
+        size = f"residual {left:.1e} N" if math.isfinite(left) else "the rotor outside the gap"
+        return (f"{self.solver.__name__} stopped {where} after {solution.steps} steps, {size}: "
+                + (f"a fold is near (smallest singular value {smallest:.0e}). " if smallest < 0.05 else "")
+                + "Start from a neighbouring steady state, or follow the branch with `follow`; "
+                  "a solver that stops does not show that there is no steady state.")
+
+
+def first_guess(eq: Condensed, start: PeriodicOrbit) -> NDArray:
+    """Unknowns of `eq` from an orbit that may have another number of harmonics."""
+    y = np.zeros_like(eq.linear)
+    columns = min(y.shape[1], start.coefficients.shape[1])
+    y[:, :columns] = start.coefficients[:, :columns] / eq.length
+    return y.ravel()
+
+
+def orbit_from(eq: Condensed, eccentricity: float, centre: NDArray, solution: Solution) -> PeriodicOrbit:
+    """The orbit of a solution."""
+    return PeriodicOrbit(eq, float(eccentricity), centre, eq.length * solution.y.reshape(2, -1),
+                         float(np.abs(solution.residual).max() * eq.force))
+
+
+def sweep(model: Model, method: HarmonicBalance, static_eccentricities: Iterable[float], *, speed: float,
+          direction: float = math.pi / 2) -> Branch:
+    """Natural continuation (Villa et al., section 5): each steady state starts from the last one.
+
+    Ends with the first eccentricity at which the solver stops; `stopped` says so in words.
+    Raises NoConvergence if not even the first can be found.
+    """
+    values = [float(v) for v in static_eccentricities]
+    if not values:
+        raise BadInput("static_eccentricities is empty; give at least one fraction of the gap.")
+    orbit = method.solve(model, speed, values[0], direction=direction)
+    eq, done, rows, left = orbit.equations, values[:1], [orbit.coefficients.ravel() / orbit.equations.length], [
+        orbit.residual]
+    stopped = f"It ends as asked at {100 * values[-1]:.4g} %."
+    for value in values[1:]:
+        guess = rows[-1]
+        solution = method._solve(eq, model.centre(value, direction), guess)
+        if not solution.converged:
+            stopped = (f"Natural continuation stopped between {100 * done[-1]:.4g} % and {100 * value:.4g} %; "
+                       "`follow` tells whether the branch turns there.")
+            break
+        done.append(value)
+        rows.append(solution.y)
+        left.append(float(np.abs(solution.residual).max() * eq.force))
+    unit = np.array([math.sin(direction), math.cos(direction)])
+    return Branch(eq, unit, np.array(done), np.array(rows), np.array(left), (), stopped, method)

@@ -1,0 +1,221 @@
+"""What the verbs return: frozen results that print as a story. Amplitudes are 0-to-peak."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydrolab.dynamics.condensation import Condensed, from_complex, to_complex
+from hydrolab.machine.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodicOrbit:
+    """A steady state with the period of the rotation.
+
+    static_eccentricity: offset of the stator as a fraction of the gap; centre: (x_E, z_E), m.
+    coefficients: [mean, sin 1, cos 1, …] of the generator centre's x and z, m, shape (2, 2m + 1), Eq. (10).
+    residual: largest force left over in the harmonic balance, N.
+    """
+
+    equations: Condensed
+    static_eccentricity: float
+    centre: NDArray
+    coefficients: NDArray
+    residual: float
+
+    @property
+    def model(self) -> Model:
+        """The model this is a steady state of."""
+        return self.equations.model
+
+    @property
+    def speed(self) -> float:
+        """Speed, rad/s."""
+        return self.equations.speed
+
+    @property
+    def harmonics(self) -> int:
+        """Number of harmonics m kept beside the mean."""
+        return self.equations.harmonics
+
+    @property
+    def mean(self) -> NDArray:
+        """Mean position (x, z) of the generator centre, m."""
+        return self.coefficients[:, 0]
+
+    @property
+    def amplitudes(self) -> NDArray:
+        """√(A_k² + B_k²) of x and z for k = 1 … m, m 0-to-peak, shape (2, m); the paper's section 5.2."""
+        return np.hypot(self.coefficients[:, 1::2], self.coefficients[:, 2::2])
+
+    def positions(self, phase: NDArray) -> NDArray:
+        """Position (x, z) of the generator centre at the phases Ωt (rad), m, shape (2, len(phase))."""
+        phase = np.asarray(phase, dtype=float)
+        k = np.arange(1, self.harmonics + 1)[:, None]
+        return (self.coefficients[:, :1] + self.coefficients[:, 1::2] @ np.sin(k * phase)
+                + self.coefficients[:, 2::2] @ np.cos(k * phase))
+
+    def velocities(self, phase: NDArray) -> NDArray:
+        """Velocity of the generator centre at the phases Ωt (rad), m/s, shape (2, len(phase))."""
+        phase = np.asarray(phase, dtype=float)
+        k = np.arange(1, self.harmonics + 1)
+        rate = self.speed * k
+        return ((rate * self.coefficients[:, 1::2]) @ np.cos(k[:, None] * phase)
+                - (rate * self.coefficients[:, 2::2]) @ np.sin(k[:, None] * phase))
+
+    @cached_property
+    def shaft(self) -> NDArray:
+        """[mean, sin 1, cos 1, …] of every DOF, recovered by back-substitution; shape (n, 2m + 1), m or rad."""
+        eq = self.equations
+        away = to_complex(self.coefficients - eq.length * eq.linear)
+        return from_complex((eq.shaft_linear + np.einsum("knd,dk->kn", eq.recovery, away)).T)
+
+    def node_coefficients(self, node: int) -> NDArray:
+        """[mean, sin 1, cos 1, …] of x and z at a shaft node, m, shape (2, 2m + 1)."""
+        dofs = self.model.shaft_map @ self.shaft
+        per_node = len(dofs) // len(self.model.depths)
+        return dofs[per_node * node:per_node * node + 2]
+
+    @cached_property
+    def smallest_gap(self) -> float:
+        """Smallest air gap over the period and the circumference, m (inf where there is no gap)."""
+        phase = 2 * np.pi * np.arange(360) / 360
+        return float(np.min(self.model.law.smallest_gap(self.positions(phase) - self.centre[:, None])))
+
+    def __str__(self) -> str:
+        mean = 1e6 * np.hypot(*self.mean)
+        shares = ", ".join(f"{k}X {1e6 * a:.3g}/{1e6 * b:.3g}" for k, (a, b) in enumerate(self.amplitudes.T, 1))
+        gap = f"smallest gap {1e3 * self.smallest_gap:.3f} mm, " if math.isfinite(self.smallest_gap) else ""
+        return (f"Steady state of {self.model.name} at {self.speed * 30 / math.pi:.4g} rpm, static eccentricity "
+                f"{100 * self.static_eccentricity:.4g} %: mean displacement {mean:.4g} µm; x/z amplitudes "
+                f"(µm, 0-to-peak) {shares}; {gap}residual {self.residual:.1e} N.")
+
+
+@dataclass(frozen=True)
+class SpecialPoint:
+    """A located point of a branch: its kind, the parameter's value there, and after which row it lies."""
+
+    kind: str
+    value: float
+    after: int
+    unknowns: NDArray
+
+    def __str__(self) -> str:
+        return f"{self.kind} at {100 * self.value:.6f} %"
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """Steady states in the order in which they were followed.
+
+    static_eccentricity: shape (points,). unknowns: Y/length of each point, (points, 2(2m + 1)).
+    residuals: N. special_points: folds, located. stopped: why it ends, in words. method: how it was made.
+    """
+
+    equations: Condensed
+    direction: NDArray
+    static_eccentricity: NDArray
+    unknowns: NDArray
+    residuals: NDArray
+    special_points: tuple[SpecialPoint, ...]
+    stopped: str
+    method: object
+
+    def __len__(self) -> int:
+        return len(self.static_eccentricity)
+
+    def __getitem__(self, index: int) -> PeriodicOrbit:
+        return self._orbit(float(self.static_eccentricity[index]), self.unknowns[index], float(self.residuals[index]))
+
+    def __iter__(self) -> Iterator[PeriodicOrbit]:
+        return (self[i] for i in range(len(self)))
+
+    def _orbit(self, eccentricity: float, unknowns: NDArray, residual: float) -> PeriodicOrbit:
+        eq = self.equations
+        return PeriodicOrbit(eq, eccentricity, eccentricity * eq.model.gap * self.direction,
+                             eq.length * unknowns.reshape(2, -1), residual)
+
+    @property
+    def folds(self) -> tuple[SpecialPoint, ...]:
+        """The folds in the order met."""
+        return tuple(p for p in self.special_points if p.kind == "fold")
+
+    def at_fold(self, number: int = 0) -> PeriodicOrbit:
+        """The steady state at a fold (0 is the first)."""
+        fold = self.folds[number]
+        centre = fold.value * self.equations.model.gap * self.direction
+        residual = np.abs(self.equations.residual(fold.unknowns, centre)).max() * self.equations.force
+        return self._orbit(fold.value, fold.unknowns, float(residual))
+
+    @property
+    def first_leg(self) -> slice:
+        """Rows from the start up to the first fold (all rows if there is none)."""
+        return slice(0, self.folds[0].after + 1 if self.folds else len(self))
+
+    @cached_property
+    def coefficients(self) -> NDArray:
+        """[mean, sin 1, cos 1, …] of the generator centre at every point, m, shape (points, 2, 2m + 1)."""
+        return self.equations.length * self.unknowns.reshape(len(self), 2, -1)
+
+    @cached_property
+    def amplitudes(self) -> NDArray:
+        """√(A_k² + B_k²) of x and z at every point, m 0-to-peak, shape (points, 2, m)."""
+        return np.hypot(self.coefficients[..., 1::2], self.coefficients[..., 2::2])
+
+    def __str__(self) -> str:
+        folds = ", ".join(f"{100 * f.value:.4f} %" for f in self.folds) or "none"
+        return (f"Branch of {self.equations.model.name}, {len(self)} points from "
+                f"{100 * self.static_eccentricity[0]:.4g} % to {100 * self.static_eccentricity[-1]:.4g} %; "
+                f"folds: {folds}. {self.stopped}")
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A motion in time.
+
+    times: s, shape (T,). positions: (x, z) of the generator centre, m, shape (2, T).
+    state: displacement and velocity of all DOFs of the integrated model at the end, (2, n), to go on from.
+    stopped: why it ends, in words. finished: whether all that was asked for was integrated.
+    """
+
+    model: Model
+    speed: float
+    static_eccentricity: float
+    centre: NDArray
+    times: NDArray
+    positions: NDArray
+    state: NDArray
+    stopped: str
+    finished: bool
+    method: object
+
+    @property
+    def revolutions(self) -> float:
+        """Revolutions integrated."""
+        return float((self.times[-1] - self.times[0]) * self.speed / (2 * math.pi))
+
+    def last(self, revolutions: float) -> tuple[NDArray, NDArray]:
+        """Times and positions of the last revolutions."""
+        keep = self.times >= self.times[-1] - revolutions * 2 * math.pi / self.speed * (1 + 1e-12)
+        return self.times[keep], self.positions[:, keep]
+
+    def coefficients(self, harmonics: int, revolutions: int = 1) -> NDArray:
+        """[mean, sin 1, cos 1, …] of the last whole revolutions, m, (2, 2m + 1), by least squares in Ωt.
+
+        Least squares, so that any number of steps in a revolution will do.
+        """
+        from hydrolab.dynamics.condensation import fourier_rows
+        times, positions = self.last(revolutions)
+        rows = fourier_rows(harmonics, self.speed * times[1:])
+        return np.linalg.lstsq(rows.T, positions[:, 1:].T, rcond=None)[0].T
+
+    def __str__(self) -> str:
+        return (f"Motion of {self.model.name} over {self.revolutions:.4g} revolutions at "
+                f"{self.speed * 30 / math.pi:.4g} rpm, static eccentricity {100 * self.static_eccentricity:.4g} %. "
+                f"{self.stopped}")

@@ -1,0 +1,155 @@
+r"""Magnetic pull as a force law in local coordinates.
+
+A law acts on the rotor centre's position relative to the stator centre, e = (x − x_E, z − z_E),
+given coordinates first: e has shape (2, …) and the force the same shape; the derivative ∂F_i/∂e_j
+has shape (2, 2, …). Forces act ON the rotor, positive along +x and +z, so the pull points along e,
+towards the small gap. Gap angle φ runs from z towards x.
+
+Source: Villa, Carvalho and Salomon, Eqs. (2) to (8), after Lundström and Aidanpää (2007).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class ForceLaw(Protocol):
+    """What a solver asks of a force law."""
+
+    def force(self, e: NDArray) -> NDArray: ...
+    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]: ...
+    def smallest_gap(self, e: NDArray) -> NDArray: ...
+    def scaled(self, factor: float) -> Self: ...
+
+
+@dataclass(frozen=True)
+class CircularPull:
+    r"""Pull of a circular rotor in a circular stator, in closed form.
+
+    F = k e / (1 − ε²)^{3/2} with ε = |e|/g0: the integral of Eqs. (7) and (8) with the gap of
+    Eq. (6), g = g0 (1 − ε cos(φ − γ)).
+
+    stiffness: k = π B0² u0 l0 / (µ0 g0), N/m. gap: g0, m.
+    """
+
+    stiffness: float
+    gap: float
+
+    def force(self, e: NDArray) -> NDArray:
+        """Force on the rotor, N; shape of e. Meaningless (nan) where |e| ≥ g0."""
+        ex, ez = e
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.stiffness * (1 - (ex * ex + ez * ez) / self.gap**2) ** -1.5 * e
+
+    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]:
+        r"""Force, N, and its derivative, N/m.
+
+        ∂F/∂e = k [(1 − ε²)^{−3/2} I + 3 (1 − ε²)^{−5/2} e eᵀ/g0²].
+        """
+        ex, ez = e
+        with np.errstate(invalid="ignore", divide="ignore"):
+            s = 1 / (1 - (ex * ex + ez * ez) / self.gap**2)
+            radial = self.stiffness * s * np.sqrt(s)
+        b = (3 / self.gap**2) * radial * s
+        jacobian = np.empty((2, *e.shape))
+        jacobian[0, 0] = radial + b * ex * ex
+        jacobian[1, 1] = radial + b * ez * ez
+        jacobian[0, 1] = jacobian[1, 0] = b * ex * ez
+        return radial * e, jacobian
+
+    def potential(self, e: NDArray) -> NDArray:
+        """V = −k g0² (1 − ε²)^{−1/2}, J, with F = −∂V/∂e; shape of e without its first axis."""
+        ex, ez = e
+        return -self.stiffness * self.gap**2 / np.sqrt(1 - (ex * ex + ez * ez) / self.gap**2)
+
+    def smallest_gap(self, e: NDArray) -> NDArray:
+        """Smallest air gap around the circumference, m; zero or less is contact."""
+        return self.gap - np.hypot(*e)
+
+    def scaled(self, factor: float) -> CircularPull:
+        """The same law, `factor` times as strong (the pull grows with the square of the field)."""
+        return replace(self, stiffness=factor * self.stiffness)
+
+
+@dataclass(frozen=True)
+class LinearPull(CircularPull):
+    """The pull as design tools take it: F = k e, a negative stiffness, at any eccentricity."""
+
+    def force(self, e: NDArray) -> NDArray:
+        """Force on the rotor, N; shape of e."""
+        return self.stiffness * e
+
+    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]:
+        """Force, N, and its derivative k I, N/m."""
+        identity = np.eye(2).reshape(2, 2, *(1,) * (e.ndim - 1))
+        return self.stiffness * e, self.stiffness * np.broadcast_to(identity, (2, *e.shape))
+
+    def potential(self, e: NDArray) -> NDArray:
+        """V = −k |e|²/2, J."""
+        return -0.5 * self.stiffness * (e * e).sum(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class ShapedPull:
+    r"""Pull in a gap of any shape, by quadrature of Eqs. (7) and (8).
+
+    F = (k g0³ / 2π) ∮ (sin φ, cos φ) / g² dφ with g(φ) = shape(φ) − e_x sin φ − e_z cos φ.
+    The integrand is periodic, so the trapezoidal rule converges exponentially.
+
+    stiffness, gap: k (N/m) and g0 (m) of the nominal circular gap. shape: gap at the N equally spaced
+    angles φ_n = 2πn/N when the rotor is centred, m; shape (N,).
+    """
+
+    stiffness: float
+    gap: float
+    shape: NDArray
+
+    def _quadrature(self, e: NDArray) -> tuple[NDArray, NDArray, float]:
+        """Directions (2, N), gap (…, N) and the weight k g0³/N of each angle."""
+        angle = 2 * np.pi * np.arange(len(self.shape)) / len(self.shape)
+        direction = np.stack([np.sin(angle), np.cos(angle)])
+        gap = self.shape - np.tensordot(e, direction, axes=(0, 0))
+        return direction, gap, self.stiffness * self.gap**3 / len(self.shape)
+
+    def force(self, e: NDArray) -> NDArray:
+        """Force on the rotor, N; shape of e."""
+        direction, gap, weight = self._quadrature(e)
+        return weight * np.einsum("in,...n->i...", direction, gap**-2.0)
+
+    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]:
+        """Force, N, and its derivative, N/m: one more power of the gap under the integral."""
+        direction, gap, weight = self._quadrature(e)
+        derivative = 2 * weight * np.einsum("in,jn,...n->ij...", direction, direction, gap**-3.0)
+        return weight * np.einsum("in,...n->i...", direction, gap**-2.0), derivative
+
+    def smallest_gap(self, e: NDArray) -> NDArray:
+        """Smallest air gap over the N angles, m."""
+        return self._quadrature(e)[1].min(axis=-1)
+
+    def scaled(self, factor: float) -> ShapedPull:
+        """The same law, `factor` times as strong."""
+        return replace(self, stiffness=factor * self.stiffness)
+
+
+def closed_form():
+    r"""The integral behind `CircularPull`, done by SymPy: (∫ cos φ/(1 − ε cos φ)² dφ, 2πε/(1 − ε²)^{3/2}).
+
+    SymPy's own `integrate` does not finish on the circle. Both sides are therefore compared as what
+    they are, analytic functions of ε on (0, 1): the residue at the pole inside the unit circle.
+    Returns the pair (residue result, closed form) as SymPy expressions in ε; their difference simplifies to 0.
+    """
+    import sympy as sp
+
+    eps = sp.symbols("epsilon", positive=True)
+    w = sp.sqrt(1 - eps**2)
+    z = sp.symbols("z")
+    inside, outside = (1 - w) / eps, (1 + w) / eps
+    # cos φ = (z + 1/z)/2 and dφ = dz/(iz) turn the integrand into a rational function of z = e^{iφ}
+    # with a double pole at `inside`; its residue is the derivative of what is left after (z − inside)².
+    rest = 2 * (z**2 + 1) / (eps**2 * (z - outside) ** 2)
+    residue = sp.diff(rest, z).subs(z, inside)
+    return sp.simplify(2 * sp.pi * residue), 2 * sp.pi * eps / (1 - eps**2) ** sp.Rational(3, 2)

@@ -1,0 +1,153 @@
+"""Machine → Model: matrices, the pull on its coordinates, the unbalance. No solving.
+
+The equation of motion is Eq. (9) of Villa, Carvalho and Salomon:
+M q̈ + (C + Ω G) q̇ + K q = Ω² (F₁ sin Ωt + F₂ cos Ωt) + Sᵀ F_NL(S q − centre).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydrolab.errors import BadInput
+from hydrolab.machine.damping import rayleigh_coefficients
+from hydrolab.machine.elements import shaft_element
+from hydrolab.machine.forces import CircularPull, ForceLaw
+from hydrolab.machine.parts import Machine, RigidBody
+
+NO_GAP_SCALE = 1e-3  # m; length that scales unknowns where a machine has no air gap
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A rotor as linear matrices with a force law on a few nonlinear coordinates u = S q.
+
+    M, C, G, K: mass, damping, gyroscopic and stiffness matrices, shape (n, n), SI units.
+    unbalance_sin, unbalance_cos: F₁ and F₂, kg m, shape (n,); the force is Ω² (F₁ sin Ωt + F₂ cos Ωt).
+    selection: S, shape (2, n): position (x, z) of the generator centre from the DOFs.
+    law: the pull on those coordinates. gap: nominal air gap, m (inf if there is none).
+    depths: y of each node, m. shaft_map: maps q to the nodes' DOFs, shape (nodes · DOFs per node, n).
+    rayleigh: the coefficients (α, β) of C = αM + βK, 0 where there is no such damping.
+    """
+
+    name: str
+    M: NDArray
+    C: NDArray
+    G: NDArray
+    K: NDArray
+    unbalance_sin: NDArray
+    unbalance_cos: NDArray
+    selection: NDArray
+    law: ForceLaw
+    gap: float
+    depths: NDArray
+    shaft_map: NDArray
+    rayleigh: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def size(self) -> int:
+        """Number of degrees of freedom n."""
+        return len(self.M)
+
+    @property
+    def length_scale(self) -> float:
+        """Length that makes unknowns of order one, m: the gap, or a millimetre where there is none."""
+        return self.gap if math.isfinite(self.gap) else NO_GAP_SCALE
+
+    def velocity_matrix(self, speed: float) -> NDArray:
+        """C + Ω G, N s/m: the one place where damping and gyroscopic terms meet."""
+        return self.C + speed * self.G
+
+    def centre(self, static_eccentricity: float, direction: float = math.pi / 2) -> NDArray:
+        """Stator centre (x_E, z_E), m, for an eccentricity given as a fraction of the gap.
+
+        direction: gap angle of the offset, rad, from z towards x; π/2 is along x, as in the paper.
+        Raises BadInput where there is no gap or the stator would touch the resting rotor.
+        """
+        if not (np.isfinite(static_eccentricity) and np.isfinite(direction)):
+            raise BadInput(f"static_eccentricity is {static_eccentricity}, direction {direction}; both must be finite.")
+        if static_eccentricity and not math.isfinite(self.gap):
+            raise BadInput(f"static_eccentricity is {static_eccentricity:g}, but {self.name} has no air gap; use 0.")
+        if abs(static_eccentricity) >= 1:
+            raise BadInput(f"static_eccentricity is {static_eccentricity:g}; it is a fraction of the gap, so it must "
+                           "lie between -1 and 1 (8.8 % is 0.088).")
+        if not static_eccentricity:
+            return np.zeros(2)
+        return static_eccentricity * self.gap * np.array([math.sin(direction), math.cos(direction)])
+
+    def with_field(self, ratio: float) -> Model:
+        """The same rotor with the flux density multiplied by `ratio` (0 switches the field off)."""
+        return replace(self, law=self.law.scaled(ratio**2))
+
+    def with_unbalance(self, ratio: float) -> Model:
+        """The same rotor with all unbalances multiplied by `ratio`."""
+        return replace(self, unbalance_sin=ratio * self.unbalance_sin, unbalance_cos=ratio * self.unbalance_cos)
+
+
+def rigid_link(offset: float) -> NDArray:
+    """Motion of a point `offset` metres below a node from the node's (x, z, θx, θz): 4 × 4, exact, massless.
+
+    x_c = x − ℓ θz, z_c = z + ℓ θx, because θx = ∂z/∂y and θz = −∂x/∂y.
+    """
+    link = np.eye(4)
+    link[0, 3], link[1, 2] = -offset, offset
+    return link
+
+
+def body_matrices(body: RigidBody) -> tuple[NDArray, NDArray]:
+    """Mass and gyroscopic matrix, 4 × 4, of a rigid body about its own centre (Lalanne and Ferraris 1998)."""
+    gyroscopic = np.zeros((4, 4))
+    gyroscopic[2, 3], gyroscopic[3, 2] = -body.Ip, body.Ip
+    return np.diag([body.mass, body.mass, body.Id, body.Id]), gyroscopic
+
+
+def assemble(machine: Machine) -> Model:
+    """Assemble the model of a machine; four DOFs a node (x, z, θx, θz), or two for a point mass."""
+    per_node = 2 if machine.shaft is None else 4
+    n = per_node * machine.nodes
+    M, C, G, K = (np.zeros((n, n)) for _ in range(4))
+    unbalance_sin, unbalance_cos = np.zeros(n), np.zeros(n)
+    selection = np.eye(2, n)
+
+    def dofs(node: int) -> slice:
+        return slice(per_node * node, per_node * (node + 1))
+
+    if shaft := machine.shaft:
+        for i, length in enumerate(np.diff(shaft.nodes)):
+            both = slice(4 * i, 4 * i + 8)
+            m, g, k = shaft_element(shaft.element, length, shaft.young, shaft.density, shaft.area[i],
+                                    shaft.second_moment[i], shaft.poisson, shaft.shear_coefficient)
+            M[both, both] += m
+            G[both, both] += g
+            K[both, both] += k
+    for body in machine.bodies:
+        at = dofs(body.node)
+        link = rigid_link(body.offset)[:, :per_node] if per_node == 4 else np.eye(4, 2)
+        m, g = body_matrices(body)
+        M[at, at] += link.T @ m @ link
+        G[at, at] += link.T @ g @ link
+        centre = link[:2]
+        c, s = math.cos(body.phase), math.sin(body.phase)
+        unbalance_sin[at] += body.unbalance * centre.T @ [c, -s]
+        unbalance_cos[at] += body.unbalance * centre.T @ [s, c]
+        if body.name == (machine.air_gap.body if machine.air_gap else machine.bodies[0].name):
+            selection = np.zeros((2, n))
+            selection[:, at] = centre
+    for bearing in machine.bearings:
+        xz = slice(per_node * bearing.node, per_node * bearing.node + 2)
+        K[xz, xz] += bearing.stiffness
+        C[xz, xz] += bearing.damping
+    for bearing in machine.thrust_bearings:
+        tilt = slice(4 * bearing.node + 2, 4 * bearing.node + 4)
+        K[tilt, tilt] += bearing.tilt_stiffness * np.eye(2)
+    rayleigh = rayleigh_coefficients(M, K, machine.damping.ratio) if machine.damping else (0.0, 0.0)
+    C += rayleigh[0] * M + rayleigh[1] * K
+
+    gap = machine.air_gap.gap if machine.air_gap else math.inf
+    law = CircularPull(machine.air_gap.pull_stiffness if machine.air_gap else 0.0, gap)
+    depths = machine.shaft.nodes if machine.shaft else np.zeros(1)
+    return Model(machine.name, M, C, G, K, unbalance_sin, unbalance_cos, selection, law, gap,
+                 depths, np.eye(n), rayleigh)

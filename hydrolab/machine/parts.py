@@ -1,0 +1,433 @@
+"""The parts of a machine: frozen, validated on construction, in SI units.
+
+Axes (Villa, Carvalho and Salomon, section 2): the rotor axis y points down from the shaft top,
+the transverse plane is (x, z), the spin is positive from z to x. A part that cannot exist is
+refused with a sentence that names the key, its value and what is allowed.
+"""
+
+from __future__ import annotations
+
+import math
+import reprlib
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hydrolab.errors import BadInput
+
+ELEMENTS = ("lalanne-ferraris", "timoshenko")
+MU_0 = 4e-7 * math.pi  # permeability of vacuum as the paper's Table 1 states it, H/m
+SMALLEST, LARGEST = 1e-30, 1e30  # beyond these, powers of a number leave the range of floats
+SI_UNITS = {
+    "speed": "rad/s", "nodes": "m", "diameter": "m", "inner_diameter": "m", "young": "Pa", "density": "kg/m^3",
+    "poisson": "1", "shear_coefficient": "1", "mass": "kg", "Id": "kg m^2", "Ip": "kg m^2", "offset": "m",
+    "unbalance": "kg m", "phase": "rad", "stiffness": "N/m", "damping": "N s/m", "tilt_stiffness": "N m/rad",
+    "ratio": "1", "field": "T", "mean_radius": "m", "length": "m", "gap": "m",
+}  # every number of a part, by the name of its field
+
+
+class _Short(reprlib.Repr):
+    def repr_int(self, x: int, level: int) -> str:
+        return str(x) if x.bit_length() < 100 else f"a whole number of {x.bit_length()} bits"
+
+
+_short = _Short()
+_short.maxstring = _short.maxother = 60
+
+
+def shown(value: Any) -> str:
+    """Return a value as a sentence can show it: on one line and short, whatever it is."""
+    return " ".join(_short.repr(value).split())
+
+
+def nickname(key: str, value: Any) -> str:
+    """Return a name if a sentence can carry it: one line of 1 to 80 printable characters."""
+    if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > 80:
+        raise BadInput(f"{key} is {shown(value)}; it must be text of 1 to 80 characters on one line.")
+    return value
+
+
+def number(key: str, value: Any, *, above: float = -math.inf, least: float = -math.inf,
+           below: float = math.inf, unit: str = "") -> float:
+    """Return value as a float, or say in a sentence why it is not allowed for this key."""
+    unit = f" {unit}" if unit else ""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise BadInput(f"{key} is {shown(value)}; it must be a number{f' in{unit}' if unit else ''}.")
+    if math.isnan(value) or math.isinf(value):
+        raise BadInput(f"{key} is {value}; it must be a finite number.")
+    if abs(value) > LARGEST or (above == 0 and 0 < value < SMALLEST):
+        raise BadInput(f"{key} is {shown(value)}{unit}; its size must lie between {SMALLEST:g} and {LARGEST:g}{unit}.")
+    value = float(value)
+    if value <= above:
+        raise BadInput(f"{key} is {value:g}{unit}; it must be larger than {above:g}{unit}.")
+    if value < least:
+        raise BadInput(f"{key} is {value:g}{unit}; it must be at least {least:g}{unit}.")
+    if value >= below:
+        raise BadInput(f"{key} is {value:g}{unit}; it must be smaller than {below:g}{unit}.")
+    return value
+
+
+def vector(key: str, values: ArrayLike, *, above: float = -math.inf, least: float = -math.inf,
+           unit: str = "") -> NDArray:
+    """Return values as a read-only vector, each entry checked as by `number`."""
+    if isinstance(values, (str, Mapping)) or not np.iterable(values):
+        raise BadInput(f"{key} is {shown(values)}; it must be a list of numbers.")
+    array = np.array([number(f"{key}[{i}]", v, above=above, least=least, unit=unit)
+                      for i, v in enumerate(values)])
+    array.setflags(write=False)
+    return array
+
+
+def bearing_matrix(key: str, value: ArrayLike, unit: str) -> NDArray:
+    """Return the 2 × 2 matrix in (x, z) of a scalar (isotropic), two diagonal entries, or 2 × 2."""
+    value = value.tolist() if isinstance(value, np.ndarray) else value
+    rows = value if isinstance(value, (list, tuple)) else [[value, 0.0], [0.0, value]]
+    if len(rows) == 2 and not any(isinstance(row, (list, tuple)) for row in rows):
+        rows = [[rows[0], 0.0], [0.0, rows[1]]]
+    if len(rows) != 2 or any(not isinstance(row, (list, tuple)) or len(row) != 2 for row in rows):
+        raise BadInput(f"{key} is {shown(value)}; it must be one number, two numbers [x, z] or a "
+                       f"2 by 2 matrix [[xx, xz], [zx, zz]], in {unit}.")
+    array = np.array([[number(key, entry, unit=unit) for entry in row] for row in rows])
+    if min(array[0, 0], array[1, 1]) < 0:
+        raise BadInput(f"{key} has a negative direct entry, {min(array[0, 0], array[1, 1]):g} {unit}; "
+                       f"direct entries must be at least 0 {unit}.")
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Shaft:
+    """A straight shaft of round section, divided into beam elements.
+
+    nodes: depths y of the nodes, m, ascending from the shaft top at 0; shape (elements + 1,).
+    diameter, inner_diameter: m; one number, or one per element.
+    young: Pa. density: kg/m³. poisson: Poisson's ratio.
+    shear_coefficient: κ ≤ 1, the share of the section that carries shear (multiplies G A).
+    element: "lalanne-ferraris" (Euler–Bernoulli mass, shear in the stiffness only) or
+    "timoshenko" (consistent).
+    """
+
+    nodes: NDArray
+    diameter: NDArray
+    young: float
+    density: float
+    poisson: float = 0.3
+    shear_coefficient: float = 0.9
+    element: str = "lalanne-ferraris"
+    inner_diameter: NDArray | float = 0.0
+
+    def __post_init__(self) -> None:
+        nodes = vector("shaft.nodes", self.nodes, unit="m")
+        if len(nodes) < 2:
+            raise BadInput(f"shaft.nodes has {len(nodes)} entries; a shaft needs at least 2 nodes.")
+        if nodes[0] != 0:
+            raise BadInput(f"shaft.nodes starts at {nodes[0]:g} m; the first node is the shaft top, 0 m.")
+        if (np.diff(nodes) <= 0).any():
+            at = int(np.argmin(np.diff(nodes)))
+            raise BadInput(f"shaft.nodes goes from {nodes[at]:g} m to {nodes[at + 1]:g} m; "
+                           "the depths must ascend.")
+        outer = self._per_element("shaft.diameter", self.diameter, len(nodes) - 1, above=0.0)
+        inner = self._per_element("shaft.inner_diameter", self.inner_diameter, len(nodes) - 1, least=0.0)
+        if (inner >= outer).any():
+            at = int(np.argmax(inner >= outer))
+            raise BadInput(f"shaft.inner_diameter is {inner[at]:g} m; it must be smaller than "
+                           f"shaft.diameter, {outer[at]:g} m.")
+        put = object.__setattr__
+        put(self, "nodes", nodes)
+        put(self, "diameter", outer)
+        put(self, "inner_diameter", inner)
+        put(self, "young", number("shaft.young", self.young, above=0, unit="Pa"))
+        put(self, "density", number("shaft.density", self.density, least=0, unit="kg/m^3"))
+        put(self, "poisson", number("shaft.poisson", self.poisson, above=-1, below=0.5))
+        put(self, "shear_coefficient",
+            number("shaft.shear_coefficient", self.shear_coefficient, above=0))
+        if self.shear_coefficient > 1:
+            raise BadInput(f"shaft.shear_coefficient is {self.shear_coefficient:g}; it is the share of the section "
+                           "that carries shear, so it must be at most 1.")
+        self._check_element()
+
+    def _check_element(self) -> None:
+        if self.element not in ELEMENTS:
+            raise BadInput(f"shaft.element is {shown(self.element)}; it must be one of {', '.join(ELEMENTS)}.")
+
+    @staticmethod
+    def _per_element(key: str, value: ArrayLike, elements: int, **limits: float) -> NDArray:
+        if not np.iterable(value) or isinstance(value, (str, Mapping)):
+            value = [number(key, value, unit="m", **limits)] * elements
+        array = vector(key, value, unit="m", **limits)
+        if len(array) != elements:
+            raise BadInput(f"{key} has {len(array)} entries; give one number or one per element, {elements}.")
+        return array
+
+    @property
+    def length(self) -> float:
+        """Length, m."""
+        return float(self.nodes[-1])
+
+    @property
+    def area(self) -> NDArray:
+        """Section area of each element, m²."""
+        return np.pi / 4 * (self.diameter**2 - self.inner_diameter**2)
+
+    @property
+    def second_moment(self) -> NDArray:
+        """Second moment of area of each element, m⁴."""
+        return np.pi / 64 * (self.diameter**4 - self.inner_diameter**4)
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """A rigid body of revolution, held by a massless rigid link of length |offset| to a shaft node.
+
+    offset: position of its centre below the node, m (negative: above).
+    mass: kg. Id, Ip: diametral and polar moments of inertia about its own centre, kg m².
+    unbalance: mass times eccentricity, kg m; with phase ψ (rad) the force on the rotor is
+    U Ω² (sin(Ωt + ψ), cos(Ωt + ψ)) in (x, z).
+    """
+
+    name: str
+    node: int
+    mass: float
+    Id: float
+    Ip: float
+    offset: float = 0.0
+    unbalance: float = 0.0
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        key = f"bodies.{nickname('the name of a body', self.name)}"
+        put = object.__setattr__
+        put(self, "mass", number(f"{key}.mass", self.mass, above=0, unit="kg"))
+        put(self, "Id", number(f"{key}.Id", self.Id, least=0, unit="kg m^2"))
+        put(self, "Ip", number(f"{key}.Ip", self.Ip, least=0, unit="kg m^2"))
+        put(self, "offset", number(f"{key}.offset", self.offset, unit="m"))
+        put(self, "unbalance", number(f"{key}.unbalance", self.unbalance, least=0, unit="kg m"))
+        put(self, "phase", number(f"{key}.phase", self.phase, unit="rad"))
+        if self.Ip > 2 * self.Id * (1 + 1e-9):
+            raise BadInput(f"{key}.Ip is {self.Ip:g} kg m^2; no rigid body has Ip above 2 Id, "
+                           f"here {2 * self.Id:g} kg m^2.")
+
+
+@dataclass(frozen=True, eq=False)
+class RadialBearing:
+    """A linear radial bearing: force on the rotor −stiffness·u − damping·u̇ with u = (x, z).
+
+    stiffness (N/m) and damping (N s/m): one number (isotropic), two ([x, z]) or 2 × 2.
+    """
+
+    name: str
+    node: int
+    stiffness: NDArray
+    damping: NDArray | float = 0.0
+
+    def __post_init__(self) -> None:
+        key = f"bearings.{nickname('the name of a bearing', self.name)}"
+        object.__setattr__(self, "stiffness", bearing_matrix(f"{key}.stiffness", self.stiffness, "N/m"))
+        object.__setattr__(self, "damping", bearing_matrix(f"{key}.damping", self.damping, "N s/m"))
+
+
+@dataclass(frozen=True)
+class ThrustBearing:
+    """A thrust bearing seen by the lateral motion: an angular spring, N m/rad, at one node."""
+
+    name: str
+    node: int
+    tilt_stiffness: float
+
+    def __post_init__(self) -> None:
+        key = f"bearings.{nickname('the name of a bearing', self.name)}.tilt_stiffness"
+        object.__setattr__(self, "tilt_stiffness", number(key, self.tilt_stiffness, least=0, unit="N m/rad"))
+
+
+@dataclass(frozen=True)
+class RayleighDamping:
+    """C = αM + βK with the given damping ratios in the first and the second distinct mode at rest."""
+
+    ratio: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        one = not np.iterable(self.ratio) or isinstance(self.ratio, (str, Mapping))
+        ratios = (self.ratio,) * 2 if one else self.ratio
+        checked = tuple(number("damping.ratio", r, least=0, below=1) for r in ratios)
+        if len(checked) != 2:
+            raise BadInput(f"damping.ratio has {len(checked)} entries; give one ratio or two.")
+        object.__setattr__(self, "ratio", checked)
+
+
+@dataclass(frozen=True)
+class AirGap:
+    """The generator's air gap (Villa et al., Table 1).
+
+    body: the name of the rigid body inside it. field: unperturbed flux density B0, T (rms).
+    mean_radius: u0, m. length: l0, m. gap: nominal gap g0, m.
+    """
+
+    body: str
+    field: float
+    mean_radius: float
+    length: float
+    gap: float
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "field", number("air_gap.field", self.field, least=0, unit="T"))
+        put(self, "mean_radius", number("air_gap.mean_radius", self.mean_radius, above=0, unit="m"))
+        put(self, "length", number("air_gap.length", self.length, above=0, unit="m"))
+        put(self, "gap", number("air_gap.gap", self.gap, above=0, unit="m"))
+        if self.gap >= self.mean_radius:
+            raise BadInput(f"air_gap.gap is {self.gap:g} m; it must be smaller than "
+                           f"air_gap.mean_radius, {self.mean_radius:g} m.")
+
+    @property
+    def pull_stiffness(self) -> float:
+        """π B0² u0 l0 / (µ0 g0), N/m: the pull per metre of a small displacement."""
+        return math.pi * self.field**2 * self.mean_radius * self.length / (MU_0 * self.gap)
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A number as a machine card states it, and where it comes from.
+
+    value: a number or nested lists, in `unit`. si: the same as the part holds it, in SI units.
+    """
+
+    value: Any
+    unit: str
+    source: str
+    note: str = ""
+    si: Any = None
+
+    @property
+    def quantity(self) -> str:
+        """The value with its unit, rounded to six figures."""
+        return quantity(self.value, self.unit)
+
+    def __str__(self) -> str:
+        return f"{self.quantity}  [{self.source}] {self.note}".rstrip()
+
+
+def quantity(value: Any, unit: str) -> str:
+    """Return a number or nested lists of numbers with their unit, rounded to six figures."""
+    def text(v: Any) -> str:
+        return f"[{', '.join(map(text, v))}]" if np.iterable(v) else f"{v:.6g}"
+
+    return f"{text(value)} {unit}" if unit != "1" else text(value)
+
+
+@dataclass(frozen=True, eq=False)
+class Machine:
+    """A machine as its card describes it; `model()` turns it into matrices and a force law.
+
+    speed: rated speed, rad/s. shaft: None for a point mass on springs (one node, which translates).
+    provenance: for each number of the card, by its dotted key ("bodies.generator.mass"), what the card says;
+    print the machine to see them. about: what the card says of itself.
+    """
+
+    name: str
+    speed: float
+    shaft: Shaft | None
+    bodies: tuple[RigidBody, ...]
+    bearings: tuple[RadialBearing, ...] = ()
+    thrust_bearings: tuple[ThrustBearing, ...] = ()
+    damping: RayleighDamping | None = None
+    air_gap: AirGap | None = None
+    title: str = ""
+    provenance: Mapping[str, Entry] = field(default_factory=dict)
+    about: str = ""
+
+    def __post_init__(self) -> None:
+        nickname("name", self.name)
+        object.__setattr__(self, "speed", number("speed", self.speed, least=0, unit="rad/s"))
+        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+        parts = [("bodies", b) for b in self.bodies]
+        parts += [("bearings", b) for b in (*self.bearings, *self.thrust_bearings)]
+        names = [part.name for _, part in parts]
+        for kind, part in parts:
+            node = part.node
+            if isinstance(node, bool) or not isinstance(node, (int, np.integer)):
+                raise BadInput(f"{kind}.{part.name}.node is {shown(node)}; it must be a whole number.")
+            if not 0 <= node < self.nodes:
+                allowed = f"the nodes are 0 to {self.nodes - 1}" if self.shaft else "without a shaft the only node is 0"
+                raise BadInput(f"{kind}.{part.name}.node is {shown(node)}, off the shaft; {allowed}.")
+            if names.count(part.name) > 1:
+                raise BadInput(f"{kind}: the name {part.name!r} is used twice; names must differ.")
+        if not self.bodies and self.shaft is None:
+            raise BadInput("bodies is empty; a machine without a shaft needs a body.")
+        if self.shaft is None:
+            self._check_point_mass()
+        if self.air_gap and self.air_gap.body not in [b.name for b in self.bodies]:
+            names = ", ".join(b.name for b in self.bodies) or "there is none"
+            raise BadInput(f"air_gap.body is {shown(self.air_gap.body)}; it must be the name of a body: {names}.")
+
+    def _check_point_mass(self) -> None:
+        for body in self.bodies:
+            if body.offset:
+                raise BadInput(f"bodies.{body.name}.offset is {body.offset:g} m; "
+                               "without a shaft nothing tilts, so it must be 0.")
+        if self.thrust_bearings:
+            raise BadInput(f"bearings.{self.thrust_bearings[0].name}.tilt_stiffness has no meaning without a shaft.")
+        if self.damping:
+            raise BadInput("damping.ratio needs two distinct modes; without a shaft there is one, "
+                           "so give the bearing a damping instead.")
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return 1 if self.shaft is None else len(self.shaft.nodes)
+
+    def body(self, name: str) -> RigidBody:
+        """The rigid body of that name.
+
+        Raises BadInput if there is none.
+        """
+        for body in self.bodies:
+            if body.name == name:
+                return body
+        raise BadInput(f"no body is called {name!r}; there are {', '.join(b.name for b in self.bodies)}.")
+
+    def model(self):
+        """The machine's matrices, pull and unbalance: a `hydrolab.machine.model.Model`."""
+        from hydrolab.machine.model import assemble
+        return assemble(self)
+
+    def numbers(self) -> dict[str, Any]:
+        """Every number of the machine by its dotted key, in SI units, as the parts hold it."""
+        groups = {"": self, "shaft.": self.shaft, **{f"bodies.{b.name}.": b for b in self.bodies},
+                  **{f"bearings.{b.name}.": b for b in (*self.bearings, *self.thrust_bearings)},
+                  "damping.": self.damping, "air_gap.": self.air_gap}
+        return {f"{prefix}{name}": getattr(part, name) for prefix, part in groups.items() if part is not None
+                for name in part.__dataclass_fields__ if name in SI_UNITS and (prefix or name == "speed")}
+
+    def __str__(self) -> str:
+        rows = []
+        for key, value in self.numbers().items():
+            entry = self.provenance.get(key)
+            if entry is not None and np.array_equal(entry.si, value):
+                rows.append((key, entry.quantity, entry.source, entry.note))
+            elif entry is not None or np.any(value):  # a zero nobody stated says nothing
+                now = quantity(_simplest(value), SI_UNITS[key.rpartition(".")[2]])
+                rows.append((key, now, "changed", f"the card says {entry.quantity}") if entry else (key, now, "", ""))
+        wide = max(len(key) for key, *_ in rows)
+        lines = [f"{self.name}: {self.title}" if self.title else self.name]
+        lines += textwrap.wrap(" ".join(self.about.split()), 110, initial_indent="  ", subsequent_indent="  ")
+        for key, now, source, note in rows:
+            start = f"  {key:<{wide}}  {now:<18}  {source:<10}  "
+            if len(now) > 18:
+                lines += textwrap.wrap(now, 108 - wide, initial_indent=f"  {key:<{wide}}  ",
+                                       subsequent_indent=" " * (wide + 4))
+                start = " " * (wide + 24) + f"{source:<10}  "
+            lines += [start + note] if source or note or len(now) <= 18 else []
+        return "\n".join(line.rstrip() for line in lines)
+
+
+def _simplest(value: Any) -> Any:
+    """One number for an isotropic bearing or a uniform shaft, the value itself otherwise."""
+    array = np.asarray(value)
+    if array.shape == (2, 2) and np.array_equal(array, array[0, 0] * np.eye(2)):
+        return array[0, 0]
+    return array.flat[0] if array.ndim == 1 and (array == array[0]).all() else value

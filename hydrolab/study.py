@@ -1,0 +1,147 @@
+"""The paper's study, end to end, on any machine card.
+
+Section 5 of Villa, Carvalho and Salomon: a steady state without eccentricity, then natural continuation in the
+static eccentricity until the solver stops; direct integration as a check; and what the paper could not do, the
+branch past its folds with its stability.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
+
+from hydrolab.dynamics.continuation import Arclength, follow, orbits_at
+from hydrolab.dynamics.harmonic_balance import HarmonicBalance, sweep
+from hydrolab.dynamics.integrators import CentralDifference, integrate
+from hydrolab.dynamics.reduction import truncation_error
+from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory
+from hydrolab.dynamics.solvers import powell_dog_leg
+from hydrolab.dynamics.stability import Floquet, floquet
+from hydrolab.errors import BadInput, NoConvergence
+from hydrolab.machine.model import Model
+from hydrolab.machine.parts import Machine
+
+PAPER_LIMIT = 0.08925  # the fold the shipped unit is calibrated to; the paper's own percentages lie below it
+PERCENTAGES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 8.5, 8.8, 8.9)
+VALIDATION = 8.8  # %, the paper's section 5.1
+BEYOND = 9.0  # %, just past the last orbit the paper shows
+HARMONICS = 4
+REVOLUTIONS, RAMP, STEPS = 1000, 400, 512  # the paper's revolutions and ramp; its step is not stated
+REVOLUTIONS_BEYOND = 400
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Everything the study computes on one machine.
+
+    scale: 1 where the paper's percentages apply; otherwise they are stretched by first fold/8.925 %.
+    branch: steady states from 0 past up to three folds. orbits: by the paper's percentages, on the first leg.
+    natural: the paper's own procedure (dog-leg, each start from the last solution). stability: of each point of
+    the first leg. check: direct integration at 8.8 %. beyond: direct integration at 9.0 %, begun on the 8.9 % orbit.
+    beyond_orbits: the steady states of the branch at 9.0 %, each with its stability.
+    """
+
+    machine: Machine
+    model: Model
+    speed: float
+    scale: float
+    branch: Branch
+    orbits: dict[float, PeriodicOrbit]
+    natural: Branch
+    stability: tuple[Floquet, ...]
+    check: Trajectory
+    beyond: Trajectory
+    beyond_orbits: tuple[tuple[PeriodicOrbit, Floquet], ...]
+    truncation: float
+
+    def eccentricity(self, percentage: float) -> float:
+        """Fraction of the gap that stands for a percentage of the paper on this machine."""
+        return percentage / 100 * self.scale
+
+    @property
+    def limit(self) -> float:
+        """First fold, or the end of the branch where there is none; fraction of the gap."""
+        return self.branch.folds[0].value if self.branch.folds else float(self.branch.static_eccentricity[-1])
+
+    @property
+    def first_loss(self) -> float | None:
+        """Eccentricity of the first point of the first leg that is not stable, or None."""
+        for value, verdict in zip(self.branch.static_eccentricity, self.stability, strict=False):
+            if verdict.verdict != "stable":
+                return float(value)
+        return None
+
+    @cached_property
+    def kind(self) -> str:
+        """"S-shaped" if the leg after the second fold climbs past the first fold again, else "plain"."""
+        folds = self.branch.folds
+        if len(folds) < 2:
+            return "plain"
+        after = self.branch.static_eccentricity[folds[1].after + 1:]
+        return "S-shaped" if len(after) and after.max() > folds[0].value else "plain"
+
+
+def run_study(machine: Machine, progress: Progress | None = None, *, revolutions: int = REVOLUTIONS,
+              ramp: int = RAMP) -> Study:
+    """Run the study on a machine at its rated speed; about ten seconds, most of it direct integration.
+
+    progress: called with (what is being done, done, all). revolutions, ramp: of the direct integration.
+    Raises BadInput for a machine without an air gap or unbalance, NoConvergence where there is no first steady state.
+    """
+    def tell(what: str) -> Callable[[int, int], None]:
+        return lambda done, of: progress(what, done, of) if progress else None
+
+    if machine.air_gap is None:
+        raise BadInput(f"{machine.name} has no air_gap; the study is about the pull in the gap, so its card needs one.")
+    if not any(body.unbalance for body in machine.bodies):
+        raise BadInput(f"{machine.name} has no unbalance; the study is about whirl, so a body of its card needs one.")
+    if not machine.speed > 0:
+        raise BadInput("speed is 0 rad/s; the study needs a turning rotor.")
+    with threadpool_limits(1):
+        model, speed = machine.model(), machine.speed
+        balance = HarmonicBalance(HARMONICS)
+        tell("steady states")(0, 1)
+        branch = follow(model, speed=speed, to=0.5, method=Arclength(balance))
+        limit = branch.folds[0].value if branch.folds else float(branch.static_eccentricity[-1])
+        if limit < 1e-3:
+            raise NoConvergence(f"{machine.name} loses its steady state at {100 * limit:.3g} % of the gap; there is no "
+                                "range of eccentricity to study. A lower field or stiffer bearings would give one.")
+        scale = 1.0 if 0.089 < limit < 0.0902 else limit / PAPER_LIMIT
+        orbits = {p: orbits_at(branch, p / 100 * scale)[0] for p in PERCENTAGES}
+        step = 0.001 * scale
+        natural = sweep(model, replace(balance, solver=powell_dog_leg), step * np.arange(round(1.2 * limit / step)),
+                        speed=speed)
+        tell("steady states")(1, 1)
+        leg = range(branch.first_leg.stop)
+        stability = []
+        for i in leg:
+            stability.append(floquet(branch[i]))
+            tell("stability")(i + 1, len(leg))
+        method = CentralDifference(STEPS)
+        check = integrate(model, method, speed=speed, static_eccentricity=VALIDATION / 100 * scale,
+                          revolutions=revolutions, ramp=ramp, progress=tell("direct integration at 8.8 %"))
+        beyond = integrate(model, method, speed=speed, static_eccentricity=BEYOND / 100 * scale,
+                           revolutions=min(revolutions, REVOLUTIONS_BEYOND), start=orbits[8.9],
+                           progress=tell("direct integration at 9.0 %"))
+        there = tuple((o, floquet(o)) for o in orbits_at(branch, BEYOND / 100 * scale))
+    return Study(machine, model, speed, scale, branch, orbits, natural, tuple(stability), check, beyond, there,
+                 truncation_error(model, check.model, speed, HARMONICS))
+
+
+def recurrence(trajectory: Trajectory, periods: int = 1) -> float:
+    """How far the last revolution is from the one `periods` earlier, over the size of the motion; 0 is periodic."""
+    n = trajectory.method.steps_per_revolution
+    if trajectory.positions.shape[1] <= (periods + 1) * n:
+        return math.nan
+    last, before = trajectory.positions[:, -n:], trajectory.positions[:, -(periods + 1) * n:-periods * n]
+    size = np.hypot(*(last - last.mean(axis=1)[:, None])).max()
+    return float(np.hypot(*(last - before)).max() / size)
