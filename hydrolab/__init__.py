@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import math
 
-from hydrolab.dynamics.continuation import Arclength, follow
+from hydrolab.dynamics.continuation import Arclength, follow, orbits_at
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance, sweep
 from hydrolab.dynamics.integrators import CentralDifference, Newmark, RungeKutta, integrate
+from hydrolab.dynamics.modes import campbell, modes
+from hydrolab.dynamics.orbit_shape import ellipse, self_crossings
 from hydrolab.dynamics.reduction import reduce, truncation_error
 from hydrolab.dynamics.solvers import newton, powell_dog_leg
 from hydrolab.dynamics.stability import floquet
 from hydrolab.errors import BadInput, Contact, NoConvergence
+from hydrolab.machine.cards import card_names, card_text, load_machine
+from hydrolab.machine.forces import CircularPull, LinearPull, ShapedPull
 
 __version__ = "0.1.0"
+__all__ = [
+    "Arclength", "BadInput", "CentralDifference", "CircularPull", "Contact", "HarmonicBalance", "LinearPull", "Newmark",
+    "NoConvergence", "RungeKutta", "ShapedPull", "campbell", "card_names", "card_text", "ellipse", "floquet", "follow",
+    "integrate", "load_machine", "modes", "newton", "orbits_at", "powell_dog_leg", "reduce", "rpm", "self_crossings",
+    "sweep", "truncation_error",
+]
 
 
 def rpm(speed: float) -> float:

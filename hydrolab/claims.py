@@ -37,6 +37,9 @@ class Claim:
     measured: str
     holds: bool
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "holds", bool(self.holds))  # plain, so that JSON takes it
+
 
 def first(orbit: PeriodicOrbit, harmonic: int = 1, coordinate: int = 0) -> float:
     """Amplitude of a harmonic along (0) or across (1) the eccentricity, m."""

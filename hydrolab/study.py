@@ -28,6 +28,7 @@ from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 from hydrolab.machine.parts import Machine
 
+FAMILY_CARD = "kaplan-150rpm"  # the card that stands for the paper's machine
 PAPER_LIMIT = 0.08925  # the fold the shipped unit is calibrated to; the paper's own percentages lie below it
 PERCENTAGES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 8.5, 8.8, 8.9)
 VALIDATION = 8.8  # %, the paper's section 5.1

@@ -14,11 +14,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
+from scipy.linalg.lapack import zgecon, zgesv
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
+
+SINGULAR = 1e-15  # reciprocal condition number below which a dynamic stiffness has no inverse to speak of
 
 
 def fourier_rows(harmonics: int, phase: NDArray) -> NDArray:
@@ -100,16 +102,12 @@ def condense(model: Model, speed: float, harmonics: int, samples: int) -> Conden
         loads[:, :2] = model.selection.T
         if k == 1:
             loads[:, 2] = speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin)
-        try:
-            answer = scipy.linalg.lu_solve(scipy.linalg.lu_factor(dynamic, check_finite=False), loads,
-                                           check_finite=False)
-            stiffness[k] = np.linalg.inv(model.selection @ answer[:, :2])
-        except (np.linalg.LinAlgError, scipy.linalg.LinAlgWarning):
-            stiffness[k] = np.nan
-        if not np.isfinite(stiffness[k]).all():
+        factors, _, answer, singular = zgesv(dynamic, loads)
+        if singular or not zgecon(factors, np.abs(dynamic).sum(axis=0).max())[0] > SINGULAR:
             raise BadInput(f"{model.name} at {speed:g} rad/s has no finite response in harmonic {k}: "
                            + ("it can move freely, so give it bearings." if k == 0 else
                               "an undamped resonance; add damping or change the speed."))
+        stiffness[k] = np.linalg.inv(model.selection @ answer[:, :2])
         recovery[k] = answer[:, :2] @ stiffness[k]
         amplitudes[k] = answer[:, 2]
 

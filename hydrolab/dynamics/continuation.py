@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance, orbit_from
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
 from hydrolab.dynamics.solvers import newton
-from hydrolab.errors import BadInput
+from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 
 ParametrisedSystem = Callable[[NDArray, float], tuple[NDArray, NDArray, NDArray]]
@@ -39,7 +39,8 @@ def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance:
             max_steps: int = 8) -> Step | None:
     """Return to the curve within the plane through z normal to the tangent; None if Newton does not settle.
 
-    One bordered solve with two right-hand sides gives the Newton step and the tangent at the same time.
+    One bordered solve with two right-hand sides gives the Newton step and the tangent at the same time; the new
+    tangent points the way of the old one.
     """
     n = len(z) - 1
     bordered = np.empty((n + 1, n + 1), order="F")
@@ -83,12 +84,10 @@ def arclength(system: ParametrisedSystem, y: NDArray, parameter: float, *, towar
     while step >= min_step:
         z = np.append(here.y, here.parameter)
         new = correct(system, z + step * here.tangent, here.tangent)
-        turn = math.inf if new is None else math.acos(min(1.0, abs(float(new.tangent @ here.tangent))))
+        turn = math.inf if new is None else math.acos(min(1.0, float(new.tangent @ here.tangent)))
         if new is None or turn > 2 * max_turn:
             step /= 2
             continue
-        if new.tangent @ here.tangent < 0:
-            new = replace(new, tangent=-new.tangent)
         step = min(max_step, step * min(2.0, max(0.5, 0.8 * max_turn / max(turn, 1e-9))))
         here = new
         yield here
@@ -104,7 +103,8 @@ def locate_fold(system: ParametrisedSystem, before: Step, after: Step) -> Step:
         if s not in points:
             point = correct(system, start + s * before.tangent, before.tangent, tolerance=1e-12, max_steps=12)
             if point is None:
-                raise ValueError("the curve was lost between two of its points")
+                raise NoConvergence("The curve was lost between two of its points, at parameters "
+                                    f"{before.parameter:.6g} and {after.parameter:.6g}; use a smaller `max_step`.")
             points[s] = point
         return float(points[s].tangent[-1])
 
@@ -153,6 +153,8 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float = 
     method = method or Arclength()
     if parameter != "static_eccentricity":
         raise BadInput(f"parameter is {parameter!r}; the one that can be followed is 'static_eccentricity'.")
+    if not math.isfinite(model.gap):
+        raise BadInput(f"{model.name} has no air gap, so there is no static eccentricity to follow.")
     if not (math.isfinite(to) and abs(to) < 1):
         raise BadInput(f"to is {to!r}; it is a fraction of the gap between -1 and 1 (12 % is 0.12).")
     origin = start or method.balance.solve(model, speed, 0.0, direction=direction)
@@ -172,7 +174,6 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float = 
     steps: list[Step] = []
     special: list[SpecialPoint] = []
     forward = math.copysign(1.0, to - first)
-    stopped = (f"No further point was found near {{at}}, down to the smallest step.")
     left = method.tail
     y0 = origin.coefficients.ravel() / eq.length
     if origin.harmonics != eq.harmonics:
@@ -186,7 +187,9 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float = 
         position = point.y.reshape(2, -1) @ eq.synthesis - (point.parameter * model.gap * unit)[:, None]
         gap = float(np.min(model.law.smallest_gap(position))) / model.length_scale
         if gap <= method.smallest_gap:
-            stopped = f"The rotor touches the stator at {100 * point.parameter:.4g} %."
+            stopped = (f"The smallest gap is down to {100 * gap:.3g} % of the nominal one at "
+                       f"{100 * point.parameter:.4g} %." if gap > 0 else
+                       f"The rotor touches the stator at {100 * point.parameter:.4g} %.")
         elif forward * (point.parameter - to) >= 0:
             stopped = f"It reached {100 * to:.4g} % as asked."
         elif len(steps) > 2 and forward * (point.parameter - first) <= 0:
@@ -199,7 +202,10 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float = 
             continue
         break
     else:
-        stopped = stopped.format(at=f"{100 * steps[-1].parameter:.4g} %" if steps else "the start")
+        if not steps:
+            raise NoConvergence(f"No branch begins at the given start, {100 * first:.4g} %: it is no steady state of "
+                                f"{model.name} at {speed:.4g} rad/s. Solve for one with HarmonicBalance.")
+        stopped = f"No further point was found near {100 * steps[-1].parameter:.4g} %, down to the smallest step."
     return Branch(eq, unit, np.array([s.parameter for s in steps]), np.array([s.y for s in steps]),
                   np.array([s.residual for s in steps]) * eq.force, tuple(special), stopped, method)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,8 @@ class HarmonicBalance:
 
         direction: gap angle of the stator offset, rad. start: a steady state to begin from; without one the
         linear response is tried, then a walk from zero eccentricity.
-        Raises NoConvergence with what to try next, BadInput for arguments outside what is allowed.
+        Raises NoConvergence with what to try next, Contact where the steady state found would touch the stator,
+        BadInput for arguments outside what is allowed.
         """
         eq = self.equations(model, speed)
         centre = model.centre(static_eccentricity, direction)
@@ -61,7 +62,9 @@ class HarmonicBalance:
                 solution = self._walk(eq, centre)
         if not solution.converged:
             raise NoConvergence(self._advice(eq, solution, static_eccentricity))
-        return orbit_from(eq, static_eccentricity, centre, solution)
+        orbit = orbit_from(eq, static_eccentricity, centre, solution)
+        orbit.require_clear()
+        return orbit
 
     def _solve(self, eq: Condensed, centre: NDArray, y: NDArray) -> Solution:
         return self.solver(lambda y: eq.linearise(y, centre), y)
@@ -70,7 +73,7 @@ class HarmonicBalance:
         """Reach a steady state by raising the pull to its full strength, then the offset."""
         y = eq.linear.ravel()
         for ratio in np.linspace(0, 1, steps + 1)[1:]:
-            weak = condense(eq.model.with_field(ratio), eq.speed, eq.harmonics, eq.samples)
+            weak = replace(eq, model=eq.model.with_field(ratio))  # the linear machine does not change
             solution = self._solve(weak, 0 * centre, y)
             if not solution.converged:
                 return solution
@@ -110,8 +113,8 @@ def sweep(model: Model, method: HarmonicBalance, static_eccentricities: Iterable
           direction: float = math.pi / 2) -> Branch:
     """Natural continuation (Villa et al., section 5): each steady state starts from the last one.
 
-    Ends with the first eccentricity at which the solver stops; `stopped` says so in words.
-    Raises NoConvergence if not even the first can be found.
+    Ends with the first eccentricity at which the solver stops or the rotor touches; `stopped` says so in words.
+    Raises NoConvergence or Contact if there is not even the first.
     """
     values = [float(v) for v in static_eccentricities]
     if not values:
@@ -131,4 +134,10 @@ def sweep(model: Model, method: HarmonicBalance, static_eccentricities: Iterable
         rows.append(solution.y)
         left.append(float(np.abs(solution.residual).max() * eq.force))
     unit = np.array([math.sin(direction), math.cos(direction)])
-    return Branch(eq, unit, np.array(done), np.array(rows), np.array(left), (), stopped, method)
+    branch = Branch(eq, unit, np.array(done), np.array(rows), np.array(left), (), stopped, method)
+    touching = np.flatnonzero(branch.smallest_gaps <= 0)
+    if len(touching):
+        clear = touching[0]
+        branch = Branch(eq, unit, branch.static_eccentricity[:clear], branch.unknowns[:clear], branch.residuals[:clear],
+                        (), f"The rotor touches the stator at {100 * done[clear]:.4g} %.", method)
+    return branch

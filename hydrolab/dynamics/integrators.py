@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from hydrolab.dynamics.condensation import condense
 from hydrolab.dynamics.reduction import reduce
-from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
-from hydrolab.errors import BadInput
+from hydrolab.dynamics.results import PeriodicOrbit, Trajectory, contact_sentence
+from hydrolab.errors import BadInput, NoConvergence
+from hydrolab.machine.forces import CircularPull, ForceLaw
 from hydrolab.machine.model import Model
 
 Progress = Callable[[int, int], None]
@@ -72,31 +72,30 @@ class CentralDifference:
         """Yield the motion, one revolution at a time."""
         m, n = task.model, self.steps_per_revolution
         dt = 2 * math.pi / task.speed / n
-        fastest = math.sqrt(scipy.linalg.eigh(m.K, m.M, eigvals_only=True)[-1])
+        fastest = math.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(m.M, m.K))).max())
         if fastest * dt > 2:
             needed = math.ceil(math.pi * fastest / task.speed)
-            raise BadInput(f"steps_per_revolution is {n}: the fastest frequency of the model, {fastest:.4g} rad/s, times "
-                           f"the step {dt:.3g} s is {fastest * dt:.3g}, and central differences need at most 2. Use at "
-                           f"least {needed} steps per revolution, or fewer modes.")
+            raise BadInput(f"steps_per_revolution is {n}: the fastest frequency of the model, {fastest:.4g} rad/s, "
+                           f"times the step {dt:.3g} s is {fastest * dt:.3g}, and central differences need at most 2. Use "
+                           f"at least {needed} steps per revolution, or fewer modes.")
         before, now, push, load = central_difference_matrices(m, task.speed, dt)
         forcing = np.array([load @ task.unbalance(start + i * dt) for i in range(n)])
         q, v = state
         old = q - dt * v + 0.5 * dt**2 * task.acceleration(start, q, v)
-        time = start
-        pull = _scalar_pull(task)
+        u = m.selection @ q
+        pull = explicit_pull(task)
+
+        def ahead(step: int) -> NDArray:
+            return now @ q + before @ old + push @ pull(start + step * dt, u) + forcing[step % n]
+
         for revolution in range(revolutions):
             path = np.empty((n, 2))
             for i in range(n):
-                t = start + (revolution * n + i) * dt
-                u = m.selection @ q
-                new = now @ q + before @ old + push @ pull(t, u) + forcing[i]
-                old, q = q, new
-                path[i] = m.selection @ q
-            time = start + (revolution + 1) * n * dt
-            # Velocity at the last point, of second order, from the two last positions and the acceleration.
-            v = (q - old) / dt
-            v = v + 0.5 * dt * task.acceleration(time, q, v)
-            yield start + (revolution * n + 1 + np.arange(n)) * dt, path.T, np.stack([q, v])
+                old, q = q, ahead(revolution * n + i)
+                path[i] = u = m.selection @ q
+            last = (revolution + 1) * n
+            v = (ahead(last) - old) / (2 * dt)  # what the start formula above turns into `old` again
+            yield start + (last - n + 1 + np.arange(n)) * dt, path.T, np.stack([q, v])
 
 
 def central_difference_matrices(model: Model, speed: float, dt: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
@@ -130,29 +129,39 @@ class Newmark:
 
     def run(self, task: Task, state: NDArray, start: float, revolutions: int) -> Iterator[Block]:
         """Yield the motion, one revolution at a time."""
-        m, n, beta, gamma = task.model, self.steps_per_revolution, self.beta, self.gamma
+        m, n, r = task.model, self.steps_per_revolution, task.model.size
         dt = 2 * math.pi / task.speed / n
-        velocity = m.velocity_matrix(task.speed)
-        flexible = np.linalg.inv(m.M / (beta * dt**2) + velocity * (gamma / (beta * dt)) + m.K)
-        compliance = m.selection @ flexible @ m.selection.T
-        forcing = np.array([task.unbalance(start + (i + 1) * dt) for i in range(n)])
-        q, v = state
-        a = task.acceleration(start, q, v)
+        advance, push, load = newmark_matrices(m, task.speed, dt, self.beta, self.gamma)
+        pull = implicit_pull(task, m.selection @ push[:r])
+        forcing = np.array([load @ task.unbalance(start + (i + 1) * dt) for i in range(n)])
+        motion = np.concatenate([*state, task.acceleration(start, *state)])
+        u = m.selection @ state[0]
         for revolution in range(revolutions):
             path = np.empty((n, 2))
             for i in range(n):
-                t = start + (revolution * n + i + 1) * dt
-                inertia = m.M @ (q / (beta * dt**2) + v / (beta * dt) + (1 / (2 * beta) - 1) * a)
-                drag = velocity @ (q * (gamma / (beta * dt)) + (gamma / beta - 1) * v
-                                   + dt * (gamma / (2 * beta) - 1) * a)
-                free = flexible @ (forcing[i] + inertia + drag)
-                force = _implicit_pull(task, t, m.selection @ free, compliance, m.selection @ q)
-                new = free + flexible @ (m.selection.T @ force)
-                a_new = (new - q - dt * v) / (beta * dt**2) - (1 / (2 * beta) - 1) * a
-                v = v + dt * ((1 - gamma) * a + gamma * a_new)
-                q, a = new, a_new
-                path[i] = m.selection @ q
-            yield start + (revolution * n + 1 + np.arange(n)) * dt, path.T, np.stack([q, v])
+                free = advance @ motion + forcing[i]
+                force = pull(start + (revolution * n + i + 1) * dt, m.selection @ free[:r], u)
+                motion = free + push @ force
+                path[i] = u = m.selection @ motion[:r]
+            yield start + (revolution * n + 1 + np.arange(n)) * dt, path.T, motion[:2 * r].reshape(2, r).copy()
+
+
+def newmark_matrices(model: Model, speed: float, dt: float, beta: float, gamma: float) -> tuple[NDArray, ...]:
+    """Matrices of s_{n+1} = advance s_n + push f_{n+1} + load F_{n+1} for the motion s = (q, v, a), from one inverse.
+
+    q_{n+1} = q + Δt v + Δt² ((½ − β) a + β a_{n+1}), v_{n+1} = v + Δt ((1 − γ) a + γ a_{n+1}), and the equation of
+    motion at the new time. Returns (advance, push, load); push takes the pull at the generator, load a force on all
+    DOFs.
+    """
+    r, velocity = model.size, model.velocity_matrix(speed)
+    one, zero = np.eye(r), np.zeros((r, r))
+    coast_q = np.hstack([one, dt * one, (0.5 - beta) * dt**2 * one])  # what q and v become if the new a is 0
+    coast_v = np.hstack([zero, one, (1 - gamma) * dt * one])
+    answer = np.linalg.inv(model.M + gamma * dt * velocity + beta * dt**2 * model.K)
+    a = -answer @ (velocity @ coast_v + model.K @ coast_q)
+    advance = np.vstack([coast_q + beta * dt**2 * a, coast_v + gamma * dt * a, a])
+    load = np.vstack([beta * dt**2 * answer, gamma * dt * answer, answer])
+    return advance, load @ model.selection.T, load
 
 
 @dataclass(frozen=True)
@@ -179,7 +188,7 @@ class RungeKutta:
         shaken = np.zeros((2, 2 * r))
         shaken[:, r:] = task.speed**2 * np.stack([inverse @ m.unbalance_sin, inverse @ m.unbalance_cos])
         watch = m.selection
-        pull = _scalar_pull(task)
+        pull = explicit_pull(task)
 
         def rate(t: float, s: NDArray) -> NDArray:
             phase = task.speed * t
@@ -187,7 +196,7 @@ class RungeKutta:
                     + math.sin(phase) * shaken[0] + math.cos(phase) * shaken[1])
 
         def clearance(t: float, s: NDArray) -> float:
-            return float(m.law.smallest_gap(watch @ s[:r] - task.centre)) - 1e-9
+            return float(m.law.smallest_gap(watch @ s[:r] - task.centre)) - 1e-6 * m.gap
 
         clearance.terminal = True
         for revolution in range(revolutions):
@@ -195,9 +204,13 @@ class RungeKutta:
             times = begin + period * np.arange(1, n + 1) / n
             found = solve_ivp(rate, (begin, times[-1]), state.ravel(), method="DOP853", t_eval=times, rtol=self.rtol,
                               atol=self.atol, events=clearance if math.isfinite(m.gap) else None)
-            state = found.y[:, -1].reshape(2, r) if found.y.size else np.full((2, r), np.nan)
-            path = np.full((2, n), np.nan)
-            path[:, :found.y.shape[1]] = watch @ found.y[:r]
+            if found.status < 0:
+                raise NoConvergence(f"DOP853 stopped after {begin / period:.2f} revolutions: {found.message} "
+                                    "Raise rtol, or look at the motion before it.")
+            path = np.full((2, n), np.nan)  # nan from contact on
+            if len(found.t):
+                path[:, :len(found.t)] = watch @ found.y[:r]
+                state = found.y[:, -1].reshape(2, r)
             yield times, path, state
 
 
@@ -206,39 +219,68 @@ def _check_steps(steps: int) -> None:
         raise BadInput(f"steps_per_revolution is {steps!r}; it must be a whole number of at least 8.")
 
 
-def _scalar_pull(task: Task) -> Callable[[float, NDArray], NDArray]:
-    """The pull for the inner loop. The circular law on two floats costs a third of the same on arrays."""
-    from hydrolab.machine.forces import CircularPull
-    law = task.model.law
+def on_floats(law: ForceLaw) -> Callable[[float, float], tuple[float, ...]]:
+    """The law for a loop: (x, z) → (Fx, Fz, ∂Fx/∂x, ∂Fx/∂z, ∂Fz/∂x, ∂Fz/∂z); nan outside the gap.
+
+    The circular law on two floats costs a tenth of the same on arrays of length one.
+    """
     if type(law) is not CircularPull:
-        return task.pull
-    xe, ze = (float(c) for c in task.centre)
+        def general(x: float, z: float) -> tuple[float, ...]:
+            force, slope = law.linearise(np.array([x, z]))
+            return (*force.tolist(), *slope.ravel().tolist())
+        return general
     stiffness, square = law.stiffness, law.gap**2
-    ramp = task.ramp
+
+    def circular(x: float, z: float) -> tuple[float, ...]:
+        room = 1 - (x * x + z * z) / square
+        if not room > 0:
+            return (math.nan,) * 6
+        k = stiffness / (room * math.sqrt(room))
+        b = 3 * k / (room * square)
+        return k * x, k * z, k + b * x * x, b * x * z, b * x * z, k + b * z * z
+
+    return circular
+
+
+def explicit_pull(task: Task) -> Callable[[float, NDArray], NDArray]:
+    """The pull at a time and a known position (2,), N, for a loop."""
+    law, (xe, ze) = on_floats(task.model.law), task.centre.tolist()
 
     def pull(t: float, u: NDArray) -> NDArray:
         x, z = u.tolist()
-        x, z = x - xe, z - ze
-        room = 1 - (x * x + z * z) / square
-        if not room > 0:
-            return np.array([math.nan, math.nan])
-        field = 1.0 if t >= ramp else t / ramp
-        k = field * field * stiffness / (room * math.sqrt(room))
-        return np.array([k * x, k * z])
+        fx, fz, *_ = law(x - xe, z - ze)
+        strength = task.field(t) ** 2
+        return np.array([strength * fx, strength * fz])
 
     return pull
 
 
-def _implicit_pull(task: Task, time: float, free: NDArray, compliance: NDArray, guess: NDArray) -> NDArray:
-    """The pull f at the new position u = free + compliance f(u), by Newton on the two coordinates."""
-    strength, u = task.field(time) ** 2, guess
-    for _ in range(20):
-        force, slope = task.model.law.linearise(u - task.centre)
-        step = np.linalg.solve(np.eye(2) - strength * compliance @ slope, free + strength * compliance @ force - u)
-        u = u + step
-        if not np.abs(step).max() > 1e-13 * task.model.length_scale:
-            break
-    return strength * task.model.law.force(u - task.centre)
+def implicit_pull(task: Task, compliance: NDArray) -> Callable[[float, NDArray, NDArray], NDArray]:
+    """The pull f at the unknown position u = free + compliance f(u), by Newton on its two coordinates.
+
+    Returns a function of time, free (2,) and a guess of u (2,); its f is nan outside the gap.
+    """
+    law, (xe, ze) = on_floats(task.model.law), task.centre.tolist()
+    (cxx, cxz), (czx, czz) = compliance.tolist()
+    small = 1e-13 * task.model.length_scale
+
+    def pull(t: float, free: NDArray, guess: NDArray) -> NDArray:
+        (free_x, free_z), (x, z) = free.tolist(), guess.tolist()
+        strength = task.field(t) ** 2
+        for _ in range(20):
+            fx, fz, kxx, kxz, kzx, kzz = (strength * value for value in law(x - xe, z - ze))
+            rx, rz = free_x + cxx * fx + cxz * fz - x, free_z + czx * fx + czz * fz - z
+            if not abs(rx) + abs(rz) > small:
+                return np.array([fx, fz])
+            # (I − compliance slope) step = r, by Cramer's rule
+            a, b = 1 - cxx * kxx - cxz * kzx, -cxx * kxz - cxz * kzz
+            c, d = -czx * kxx - czz * kzx, 1 - czx * kxz - czz * kzz
+            determinant = a * d - b * c
+            x, z = x + (d * rx - b * rz) / determinant, z + (a * rz - c * rx) / determinant
+        raise NoConvergence(f"Newmark found no position after {t * task.speed / (2 * math.pi):.2f} revolutions: the "
+                            "pull changes too much in a step. Use more steps per revolution.")
+
+    return pull
 
 
 def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *, speed: float,
@@ -259,40 +301,35 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
         raise BadInput(f"speed is {speed!r}; it must be a positive number in rad/s (use rpm(150) for 150 rpm).")
     if isinstance(revolutions, bool) or not isinstance(revolutions, int) or revolutions < 1:
         raise BadInput(f"revolutions is {revolutions!r}; it must be a whole number of at least 1.")
-    if not 0 <= ramp <= revolutions:
+    period = 2 * math.pi / speed
+    begin = float(start.times[-1]) if isinstance(start, Trajectory) else 0.0
+    if not 0 <= ramp <= begin / period + revolutions:
         raise BadInput(f"ramp is {ramp!r}; it must lie between 0 and the {revolutions} revolutions.")
     centre = model.centre(static_eccentricity, direction)
     small = model if modes is None else reduce(model, modes)
-    begin = float(start.times[-1]) if isinstance(start, Trajectory) else 0.0
-    period = 2 * math.pi / speed
     task = Task(small, float(speed), centre, ramp * period)
     state = _first_state(model, small, speed, start)
     if any(disturbance):
         static = np.linalg.solve(small.K, small.selection.T)
         state = state + [static @ np.linalg.solve(small.selection @ static, disturbance), np.zeros(small.size)]
 
-    times, paths = [np.array([begin])], [(small.selection @ state[0])[:, None]]
-    stopped, finished = f"It ran the {revolutions} revolutions asked for.", True
-    runs = method.run(task, state, begin, revolutions)
-    done = 0
+    blocks: list[Block] = [(np.array([begin]), (small.selection @ state[0])[:, None], state)]
+    stopped = None
     try:
-        for t, path, latest in runs:
-            touching = _contact(task, path)
-            if touching is not None:
-                times.append(t[:touching])
-                paths.append(path[:, :touching])
-                stopped, finished = _contact_sentence(task, t[touching], path[:, touching], paths), False
+        for block in method.run(task, state, begin, revolutions):
+            block, stopped = _up_to_the_end(task, block, blocks[-1])
+            blocks.append(block)
+            if stopped:
                 break
-            times.append(t)
-            paths.append(path)
-            state = latest
-            done += 1
             if progress:
-                progress(done, revolutions)
+                progress(len(blocks) - 1, revolutions)
     except KeyboardInterrupt:
-        stopped, finished = f"Interrupted after {done} of {revolutions} revolutions; these are kept.", False
+        stopped = f"Interrupted after {len(blocks) - 1} of {revolutions} revolutions; these are kept."
+    finished = stopped is None
+    times, paths, states = zip(*blocks, strict=True)
     return Trajectory(small, float(speed), float(static_eccentricity), centre, np.concatenate(times),
-                      np.concatenate(paths, axis=1), state, stopped, finished, method)
+                      np.concatenate(paths, axis=1), states[-1],
+                      stopped or f"It ran the {revolutions} revolutions asked for.", finished, method)
 
 
 def _first_state(model: Model, small: Model, speed: float, start: PeriodicOrbit | Trajectory | None) -> NDArray:
@@ -300,6 +337,8 @@ def _first_state(model: Model, small: Model, speed: float, start: PeriodicOrbit 
     if isinstance(start, Trajectory):
         if start.state.shape[1] != small.size:
             raise BadInput(f"start has {start.state.shape[1]} DOFs, this basis {small.size}; use the same `modes`.")
+        if not np.isfinite(start.state).all():
+            raise BadInput(f"start cannot be gone on from. {start.stopped}")
         return start.state
     if start is None:
         linear = condense(small.with_field(0.0), float(speed), 1, 8)
@@ -312,22 +351,23 @@ def _first_state(model: Model, small: Model, speed: float, start: PeriodicOrbit 
     if small is model:
         return np.stack([q, v])
     # Coordinates of the reduced basis by mass-weighted projection of the full displacement.
-    full, mapped = model.shaft_map, small.shaft_map
-    weight = mapped.T @ model.M @ full
+    basis = np.linalg.lstsq(model.shaft_map, small.shaft_map, rcond=None)[0]
+    weight = basis.T @ model.M
     return np.stack([np.linalg.solve(small.M, weight @ q), np.linalg.solve(small.M, weight @ v)])
 
 
-def _contact(task: Task, path: NDArray) -> int | None:
-    """Index of the first sample at which the rotor touches the stator or is lost, or None."""
-    if not math.isfinite(task.model.gap) and np.isfinite(path).all():
-        return None
-    with np.errstate(invalid="ignore"):
-        clear = task.model.law.smallest_gap(path - task.centre[:, None]) > 0
-    return None if clear.all() else int(np.argmin(clear))
-
-
-def _contact_sentence(task: Task, time: float, position: NDArray, paths: list[NDArray]) -> str:
-    where = position if np.isfinite(position).all() else paths[-1][:, -1] if paths[-1].size else paths[-2][:, -1]
-    x, z = where - task.centre
-    return (f"The rotor touches the stator after {time * task.speed / (2 * math.pi):.2f} revolutions ({time:.4g} s), at "
-            f"gap angle {math.degrees(math.atan2(x, z)) % 360:.0f}° (from z towards x).")
+def _up_to_the_end(task: Task, block: Block, before: Block) -> tuple[Block, str | None]:
+    """The part of a block before contact, with the sentence that says so; the block and None if there is none."""
+    times, path, state = block
+    clear = task.model.law.smallest_gap(path - task.centre[:, None]) > 0  # false for nan
+    if clear.all():
+        return block, None
+    first = int(np.argmin(clear))
+    if not math.isfinite(task.model.gap):
+        revolutions = times[first] * task.speed / (2 * math.pi)
+        sentence = f"The motion grew beyond all numbers after {revolutions:.2f} revolutions."
+    else:
+        near = path[:, :first + 1] if np.isfinite(path[:, first]).all() else np.hstack([before[1], path[:, :first]])
+        angle = float(task.model.law.gap_angle(near[:, -1] - task.centre))
+        sentence = contact_sentence(times[first], task.speed, angle)
+    return (times[:first], path[:, :first], np.full_like(state, np.nan)), sentence

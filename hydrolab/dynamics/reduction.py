@@ -28,13 +28,17 @@ def reduce(model: Model, modes: int = 12) -> Model:
     """
     if isinstance(modes, bool) or not isinstance(modes, (int, np.integer)) or modes < 1:
         raise BadInput(f"modes is {modes!r}; it must be a whole number of at least 1.")
-    if modes + len(model.selection) >= model.size:
-        basis = np.eye(model.size)
-    else:
-        shapes = scipy.linalg.eigh(model.K, model.M, subset_by_index=(0, modes - 1))[1]
-        basis = np.hstack([shapes, np.linalg.solve(model.K, model.selection.T)])
-        basis /= np.linalg.norm(basis, axis=0)  # the eigenproblem below needs columns of one size
-    _, mix = scipy.linalg.eigh(basis.T @ model.K @ basis, basis.T @ model.M @ basis)
+    try:
+        if modes + len(model.selection) >= model.size:
+            basis = np.eye(model.size)
+        else:
+            shapes = scipy.linalg.eigh(model.K, model.M, subset_by_index=(0, modes - 1))[1]
+            basis = np.hstack([shapes, np.linalg.solve(model.K, model.selection.T)])
+            basis /= np.linalg.norm(basis, axis=0)  # the eigenproblem below needs columns of one size
+        _, mix = scipy.linalg.eigh(basis.T @ model.K @ basis, basis.T @ model.M @ basis)
+    except np.linalg.LinAlgError as error:
+        raise BadInput(f"{model.name} has no modal basis: a DOF has no mass (give the shaft a density above 0) or the "
+                       "machine can move freely (give it bearings).") from error
     basis = basis @ mix
 
     def project(matrix: NDArray) -> NDArray:

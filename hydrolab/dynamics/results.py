@@ -10,8 +10,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.condensation import Condensed, from_complex, to_complex
+from hydrolab.dynamics.condensation import Condensed, fourier_rows, from_complex, to_complex
+from hydrolab.errors import Contact
 from hydrolab.machine.model import Model
+
+PERIOD = 2 * np.pi * np.arange(360) / 360  # phases at which an orbit's smallest gap is looked for
+
+
+def contact_sentence(time: float, speed: float, angle: float) -> str:
+    """When and where the rotor touches: time, s; speed, rad/s; gap angle, rad."""
+    return (f"The rotor touches the stator after {time * speed / (2 * math.pi):.2f} revolutions ({time:.4g} s), at "
+            f"gap angle {math.degrees(angle) % 360:.0f}° (from z towards x).")
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +94,21 @@ class PeriodicOrbit:
     @cached_property
     def smallest_gap(self) -> float:
         """Smallest air gap over the period and the circumference, m (inf where there is no gap)."""
-        phase = 2 * np.pi * np.arange(360) / 360
-        return float(np.min(self.model.law.smallest_gap(self.positions(phase) - self.centre[:, None])))
+        return float(np.min(self.model.law.smallest_gap(self.positions(PERIOD) - self.centre[:, None])))
+
+    def require_clear(self) -> None:
+        """Raise Contact, with the angle and the time, if the rotor touches the stator anywhere on this orbit.
+
+        The pull is only evaluated at the AFT samples, so a solver can return an orbit that touches between them.
+        """
+        if self.smallest_gap > 0:
+            return
+        e = self.positions(PERIOD) - self.centre[:, None]
+        first = int(np.argmax(self.model.law.smallest_gap(e) <= 0))
+        raise Contact(f"The steady state at {100 * self.static_eccentricity:.4g} % would touch the stator: "
+                      + contact_sentence(PERIOD[first] / self.speed, self.speed,
+                                         float(self.model.law.gap_angle(e[:, first])))
+                      + " Lower the eccentricity, the unbalance or the field.")
 
     def __str__(self) -> str:
         mean = 1e6 * np.hypot(*self.mean)
@@ -164,6 +186,15 @@ class Branch:
         return self.equations.length * self.unknowns.reshape(len(self), 2, -1)
 
     @cached_property
+    def smallest_gaps(self) -> NDArray:
+        """Smallest air gap over the period and the circumference at every point, m, shape (points,)."""
+        eq = self.equations
+        gap = eq.model.gap if math.isfinite(eq.model.gap) else 0.0
+        centre = gap * self.static_eccentricity[:, None] * self.direction
+        positions = self.coefficients @ fourier_rows(eq.harmonics, PERIOD) - centre[:, :, None]
+        return eq.model.law.smallest_gap(positions.transpose(1, 0, 2)).min(axis=-1)
+
+    @cached_property
     def amplitudes(self) -> NDArray:
         """√(A_k² + B_k²) of x and z at every point, m 0-to-peak, shape (points, 2, m)."""
         return np.hypot(self.coefficients[..., 1::2], self.coefficients[..., 2::2])
@@ -180,7 +211,8 @@ class Trajectory:
     """A motion in time.
 
     times: s, shape (T,). positions: (x, z) of the generator centre, m, shape (2, T).
-    state: displacement and velocity of all DOFs of the integrated model at the end, (2, n), to go on from.
+    state: displacement and velocity of all DOFs of the integrated model at the end, (2, n), to go on from (nan
+    after contact).
     stopped: why it ends, in words. finished: whether all that was asked for was integrated.
     """
 
@@ -210,7 +242,6 @@ class Trajectory:
 
         Least squares, so that any number of steps in a revolution will do.
         """
-        from hydrolab.dynamics.condensation import fourier_rows
         times, positions = self.last(revolutions)
         rows = fourier_rows(harmonics, self.speed * times[1:])
         return np.linalg.lstsq(rows.T, positions[:, 1:].T, rcond=None)[0].T

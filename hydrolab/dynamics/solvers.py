@@ -15,7 +15,7 @@ from scipy.linalg.lapack import dgesv
 from scipy.optimize import root
 
 System = Callable[[NDArray], tuple[NDArray, NDArray]]
-QUADRATIC = 1e-6  # a Newton step below this leaves an error of its square
+QUADRATIC = 1e-6  # a Newton step below this leaves an error of about its square
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,19 @@ class Solution:
 def newton(system: System, y: NDArray, tolerance: float = 1e-10, max_steps: int = 30) -> Solution:
     """Newton's method; a step that leaves the domain or does not reduce the residual is halved.
 
-    Converged when the residual is below `tolerance`, which the quadratic last step ensures.
+    Converged when the residual is below `tolerance`. The Jacobian is at hand then, so one more step is taken
+    without looking back; the residual returned is that before it, hence an upper bound.
     """
     r, jacobian = system(y)
     size = r @ r
     for steps in range(1, max_steps + 1):
+        if not np.isfinite(size):
+            break
         *_, step, singular = dgesv(jacobian, r)
-        if singular or not np.isfinite(size):
+        if size < tolerance**2:
+            safe = not singular and step @ step < QUADRATIC**2  # at a fold the last step would lead away
+            return Solution(y - step if safe else y, r, jacobian, steps, True)
+        if singular:
             break
         for halvings in range(12):
             trial = y - step / 2**halvings
@@ -56,8 +62,6 @@ def newton(system: System, y: NDArray, tolerance: float = 1e-10, max_steps: int 
         else:
             break
         y, r, jacobian, size = trial, r_trial, jacobian_trial, size_trial
-        if size < tolerance**2:
-            return Solution(y, r, jacobian, steps, True)
     return Solution(y, r, jacobian, steps, False)
 
 

@@ -23,6 +23,7 @@ class ForceLaw(Protocol):
     def force(self, e: NDArray) -> NDArray: ...
     def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]: ...
     def smallest_gap(self, e: NDArray) -> NDArray: ...
+    def gap_angle(self, e: NDArray) -> NDArray: ...
     def scaled(self, factor: float) -> Self: ...
 
 
@@ -54,21 +55,25 @@ class CircularPull:
         with np.errstate(invalid="ignore", divide="ignore"):
             s = 1 / (1 - (ex * ex + ez * ez) / self.gap**2)
             radial = self.stiffness * s * np.sqrt(s)
-        b = (3 / self.gap**2) * radial * s
-        jacobian = np.empty((2, *e.shape))
-        jacobian[0, 0] = radial + b * ex * ex
-        jacobian[1, 1] = radial + b * ez * ez
-        jacobian[0, 1] = jacobian[1, 0] = b * ex * ez
-        return radial * e, jacobian
+        force = radial * e
+        jacobian = (3 / self.gap**2 * s * force)[:, None] * e
+        jacobian[0, 0] += radial
+        jacobian[1, 1] += radial
+        return force, jacobian
 
     def potential(self, e: NDArray) -> NDArray:
-        """V = −k g0² (1 − ε²)^{−1/2}, J, with F = −∂V/∂e; shape of e without its first axis."""
+        """V = −k g0² (1 − ε²)^{−1/2}, J, with F = −∂V/∂e; shape of e without its first axis, nan outside the gap."""
         ex, ez = e
-        return -self.stiffness * self.gap**2 / np.sqrt(1 - (ex * ex + ez * ez) / self.gap**2)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return -self.stiffness * self.gap**2 / np.sqrt(1 - (ex * ex + ez * ez) / self.gap**2)
 
     def smallest_gap(self, e: NDArray) -> NDArray:
         """Smallest air gap around the circumference, m; zero or less is contact."""
         return self.gap - np.hypot(*e)
+
+    def gap_angle(self, e: NDArray) -> NDArray:
+        """Angle at which the gap is smallest, rad, from z towards x."""
+        return np.arctan2(e[0], e[1])
 
     def scaled(self, factor: float) -> CircularPull:
         """The same law, `factor` times as strong (the pull grows with the square of the field)."""
@@ -108,15 +113,19 @@ class ShapedPull:
     gap: float
     shape: NDArray
 
-    def _quadrature(self, e: NDArray) -> tuple[NDArray, NDArray, float]:
-        """Directions (2, N), gap (…, N) and the weight k g0³/N of each angle."""
+    def _local_gap(self, e: NDArray) -> tuple[NDArray, NDArray]:
+        """Directions (2, N) and the gap along them, m, (…, N); below zero the rotor is in the stator."""
         angle = 2 * np.pi * np.arange(len(self.shape)) / len(self.shape)
         direction = np.stack([np.sin(angle), np.cos(angle)])
-        gap = self.shape - np.tensordot(e, direction, axes=(0, 0))
-        return direction, gap, self.stiffness * self.gap**3 / len(self.shape)
+        return direction, self.shape - np.tensordot(e, direction, axes=(0, 0))
+
+    def _quadrature(self, e: NDArray) -> tuple[NDArray, NDArray, float]:
+        """Directions, gap (nan where the rotor is in the stator) and the weight k g0³/N of each angle."""
+        direction, gap = self._local_gap(e)
+        return direction, np.where(gap > 0, gap, np.nan), self.stiffness * self.gap**3 / len(self.shape)
 
     def force(self, e: NDArray) -> NDArray:
-        """Force on the rotor, N; shape of e."""
+        """Force on the rotor, N; shape of e. Meaningless (nan) where the rotor is in the stator."""
         direction, gap, weight = self._quadrature(e)
         return weight * np.einsum("in,...n->i...", direction, gap**-2.0)
 
@@ -128,7 +137,11 @@ class ShapedPull:
 
     def smallest_gap(self, e: NDArray) -> NDArray:
         """Smallest air gap over the N angles, m."""
-        return self._quadrature(e)[1].min(axis=-1)
+        return self._local_gap(e)[1].min(axis=-1)
+
+    def gap_angle(self, e: NDArray) -> NDArray:
+        """Angle at which the gap is smallest, rad, from z towards x."""
+        return 2 * np.pi * self._local_gap(e)[1].argmin(axis=-1) / len(self.shape)
 
     def scaled(self, factor: float) -> ShapedPull:
         """The same law, `factor` times as strong."""

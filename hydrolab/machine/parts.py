@@ -58,7 +58,7 @@ def number(key: str, value: Any, *, above: float = -math.inf, least: float = -ma
     unit = f" {unit}" if unit else ""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise BadInput(f"{key} is {shown(value)}; it must be a number{f' in{unit}' if unit else ''}.")
-    if math.isnan(value) or math.isinf(value):
+    if value != value or abs(value) == math.inf:
         raise BadInput(f"{key} is {value}; it must be a finite number.")
     if abs(value) > LARGEST or (above == 0 and 0 < value < SMALLEST):
         raise BadInput(f"{key} is {shown(value)}{unit}; its size must lie between {SMALLEST:g} and {LARGEST:g}{unit}.")
@@ -149,9 +149,6 @@ class Shaft:
         if self.shear_coefficient > 1:
             raise BadInput(f"shaft.shear_coefficient is {self.shear_coefficient:g}; it is the share of the section "
                            "that carries shear, so it must be at most 1.")
-        self._check_element()
-
-    def _check_element(self) -> None:
         if self.element not in ELEMENTS:
             raise BadInput(f"shaft.element is {shown(self.element)}; it must be one of {', '.join(ELEMENTS)}.")
 
@@ -418,7 +415,7 @@ class Machine:
         for key, now, source, note in rows:
             start = f"  {key:<{wide}}  {now:<18}  {source:<10}  "
             if len(now) > 18:
-                lines += textwrap.wrap(now, 108 - wide, initial_indent=f"  {key:<{wide}}  ",
+                lines += textwrap.wrap(now, 120, initial_indent=f"  {key:<{wide}}  ",
                                        subsequent_indent=" " * (wide + 4))
                 start = " " * (wide + 24) + f"{source:<10}  "
             lines += [start + note] if source or note or len(now) <= 18 else []

@@ -1,0 +1,218 @@
+"""The command `hydrolab`: `lab` opens the course, `study` repeats the paper's study on a machine card."""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import importlib.util
+import os
+import shutil
+import socket
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from hydrolab import __version__
+from hydrolab.errors import BadInput, Contact, NoConvergence
+
+LEFT_OUT = ("_build", "instructor", "conf.py", ".ipynb_checkpoints", "__pycache__")
+
+
+def find_book() -> Path:
+    """Return the folder of the course: the clone's `book`, or the copy that an installed wheel carries."""
+    package = Path(__file__).resolve().parent
+    clone = package.parent / "book"
+    for folder in (clone, package / "_book"):
+        if folder.is_dir() and (folder != clone or (package.parent / "pyproject.toml").is_file()):
+            return folder
+    raise BadInput("The course's notebooks are not beside this installation; "
+                   "install hydrolab again from its project folder.")
+
+
+def course_files(book: Path) -> Iterator[Path]:
+    """Yield the files a student works with, relative to the book, in order."""
+    for path in sorted(book.rglob("*")):
+        relative = path.relative_to(book)
+        if path.is_file() and not any(part in LEFT_OUT for part in relative.parts):
+            yield relative
+
+
+def copy_new(source: Path, target: Path) -> bool:
+    """Copy a file whole or not at all; return False and touch nothing where the target exists."""
+    if target.exists() or target.is_symlink():
+        return False
+    target.parent.mkdir(parents=True, exist_ok=True)
+    handle, part = tempfile.mkstemp(prefix=".copying-", dir=target.parent)
+    try:
+        os.close(handle)
+        shutil.copyfile(source, part)
+        os.chmod(part, 0o666 & ~current_umask())
+        os.replace(part, target)
+    except BaseException:
+        Path(part).unlink(missing_ok=True)
+        raise
+    return True
+
+
+def current_umask() -> int:
+    """Return the process's umask (it can only be read by setting it)."""
+    umask = os.umask(0o022)
+    os.umask(umask)
+    return umask
+
+
+def prepare_folder(folder: Path, book: Path | None = None) -> tuple[list[Path], list[Path]]:
+    """Copy into folder what it lacks of the course. Return (copied, kept): a kept file differs from the shipped one."""
+    book = book or find_book()
+    folder = folder.resolve()
+    if folder == book or folder.is_relative_to(book):
+        raise BadInput(f"--dir is {folder}, inside the shipped course; choose a folder elsewhere.")
+    if folder.exists() and not folder.is_dir():
+        raise BadInput(f"--dir is {folder}, a file; choose a folder.")
+    copied, kept = [], []
+    for relative in course_files(book):
+        if copy_new(book / relative, folder / relative):
+            copied.append(relative)
+        elif not (folder / relative).is_file() or (folder / relative).read_bytes() != (book / relative).read_bytes():
+            kept.append(relative)
+    folder.mkdir(parents=True, exist_ok=True)
+    return copied, kept
+
+
+def check_port(ip: str, port: int) -> None:
+    """Say in a sentence why nothing can listen on this address, before JupyterLab starts."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(ip or None, port, type=socket.SOCK_STREAM,
+                                                                flags=socket.AI_PASSIVE)[0]
+    except (OSError, UnicodeError):
+        raise BadInput(f"--ip is {ip!r}; it must be an address of this computer, 127.0.0.1 for instance.") from None
+    with socket.socket(family, kind, protocol) as probe:
+        if os.name == "posix":  # as the server does; on Windows the option would let two servers share a port
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(address)
+        except OSError as error:
+            if error.errno == errno.EADDRNOTAVAIL:
+                raise BadInput(f"--ip is {ip}; it is no address of this computer. Try 127.0.0.1.") from None
+            if error.errno in (errno.EACCES, errno.EPERM):
+                raise BadInput(f"Port {port} is not allowed for this user; try a port from 1024 to 65535.") from None
+            raise BadInput(f"Port {port} is taken; leave --port out or try --port {min(port + 1, 65535)}.") from None
+
+
+def lab_arguments(folder: Path, *, ip: str, port: int | None, browser: bool) -> list[str]:
+    """Return JupyterLab's own arguments. Without a port it takes 8888 or the next free one."""
+    first = next((path.name for path in sorted(folder.glob("00*.ipynb"))), None)
+    arguments = [
+        f"--ServerApp.root_dir={folder}",
+        f"--ServerApp.ip={ip}",
+        f"--LabApp.default_url=/lab/tree/{first}" if first else "--LabApp.default_url=/lab",
+        "--ServerApp.answer_yes=True",  # one Ctrl-C is enough: notebooks are saved by then
+        # No question about news and no look for updates: nothing leaves this computer.
+        "--LabApp.news_url=None",
+        "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate",
+    ]
+    if port is not None:
+        arguments += [f"--ServerApp.port={port}", "--ServerApp.port_retries=0"]
+    if not browser:
+        arguments.append("--no-browser")
+    if hasattr(os, "geteuid") and os.geteuid() == 0:
+        arguments.append("--allow-root")  # a container's only user; the token still guards the server
+    return arguments
+
+
+def lab(options: argparse.Namespace) -> int:
+    """Copy the course into a working folder, where files already there stay, and open it in JupyterLab."""
+    if importlib.util.find_spec("jupyterlab") is None:
+        raise BadInput(f"JupyterLab is not installed for {sys.executable}; install it with: pip install jupyterlab")
+    if options.port is not None:
+        check_port(options.ip, options.port)
+    elif options.ip != "127.0.0.1":
+        check_port(options.ip, 0)
+    copied, kept = prepare_folder(options.dir)
+    folder = options.dir.resolve()
+    print(f"The course is in {folder} ({len(copied)} files copied). It is yours to edit.")
+    if kept:
+        print(f"Kept as you left them: {', '.join(map(str, kept[:3]))}{' …' if len(kept) > 3 else ''}. "
+              "Move a file away to get the shipped one again.")
+    print("Stop with Ctrl-C.", flush=True)
+
+    from jupyterlab.labapp import LabApp
+
+    try:
+        LabApp.launch_instance(lab_arguments(folder, ip=options.ip, port=options.port, browser=not options.no_browser))
+    except KeyboardInterrupt:
+        pass
+    print(f"JupyterLab is closed. Your notebooks are in {folder}.")
+    return 0
+
+
+def study(options: argparse.Namespace) -> int:
+    """Repeat the paper's study on a machine card."""
+    from hydrolab.report import study_command
+
+    return study_command(options.card, out=options.out, family=options.family, figures=not options.no_figures)
+
+
+def port_number(text: str) -> int:
+    """Return a port from a command line's text."""
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 65535:
+        raise argparse.ArgumentTypeError(f"{text!r} is no port; a port is a whole number from 1 to 65535")
+    return int(text)
+
+
+def parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    top = argparse.ArgumentParser(prog="hydrolab", description="Hydropower generator rotors under unbalanced "
+                                  "magnetic pull: a course and a study.")
+    top.add_argument("--version", action="version", version=f"hydrolab {__version__}")
+    commands = top.add_subparsers(title="commands", required=True, metavar="COMMAND")
+
+    command = commands.add_parser("lab", help="open the course in JupyterLab", description=lab.__doc__)
+    command.add_argument("--dir", type=Path, default=Path("hydrolab-book"), metavar="DIR",
+                         help="working folder for your copy of the course (default: %(default)s)")
+    command.add_argument("--port", type=port_number, help="port to listen on (default: 8888 or the next free one)")
+    command.add_argument("--ip", default="127.0.0.1", help="address to listen on (default: %(default)s)")
+    command.add_argument("--no-browser", action="store_true", help="print the address and open no browser")
+    command.set_defaults(run=lab)
+
+    command = commands.add_parser("study", help="repeat the paper's study", description=study.__doc__)
+    command.add_argument("card", nargs="?", default="kaplan-150rpm", metavar="CARD",
+                         help="name of a shipped machine card or path of your own TOML file (default: %(default)s)")
+    command.add_argument("--out", type=Path, default=Path("hydrolab-study"), metavar="DIR",
+                         help="folder for report.json and the figures (default: %(default)s)")
+    command.add_argument("--family", action="store_true", help="judge each claim on the whole family of machines too")
+    command.add_argument("--no-figures", action="store_true", help="compute and report, draw nothing")
+    command.set_defaults(run=study)
+    return top
+
+
+def say(sentence: object) -> None:
+    """Print one sentence where errors go."""
+    print(f"hydrolab: {sentence}", file=sys.stderr)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line. Return 0, 2 for what the user can put right, or 130 after Ctrl-C."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a console without Ω still gets its sentence
+    try:
+        options = parser().parse_args(arguments)
+        return options.run(options)
+    except (BadInput, NoConvergence, Contact) as error:
+        say(error)
+        return 2
+    except BrokenPipeError:  # `hydrolab study | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+    except OSError as error:
+        say(f"{error.filename or 'the system'}: {error.strerror or error}.")
+        return 2
+    except KeyboardInterrupt:
+        say("stopped by Ctrl-C; nothing more was written.")
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""What people see: readings in words, figures that carry them, explorers and the machine in 3D."""
