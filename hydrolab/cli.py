@@ -12,11 +12,13 @@ import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from hydrolab import __version__
 from hydrolab.errors import BadInput, Contact, NoConvergence
 
 LEFT_OUT = ("_build", "instructor", "conf.py", ".ipynb_checkpoints", "__pycache__")
+ANNOUNCEMENTS = "@jupyterlab/apputils-extension:announcements"
 
 
 def find_book() -> Path:
@@ -107,10 +109,9 @@ def lab_arguments(folder: Path, *, ip: str, port: int | None, browser: bool) -> 
         f"--ServerApp.root_dir={folder}",
         f"--ServerApp.ip={ip}",
         f"--LabApp.default_url=/lab/tree/{first}" if first else "--LabApp.default_url=/lab",
-        "--ServerApp.answer_yes=True",  # one Ctrl-C is enough: notebooks are saved by then
-        # No question about news and no look for updates: nothing leaves this computer.
-        "--LabApp.news_url=None",
-        "--LabApp.check_for_updates_class=jupyterlab.NeverCheckForUpdate",
+        "--ServerApp.answer_yes=True",  # one Ctrl-C is enough; what is open is saved every two minutes
+        "--ServerApp.log_level=WARN",  # the address stays in sight
+        "--LanguageServerManager.autodetect=False",  # no search for editors' servers, which take a second Ctrl-C
     ]
     if port is not None:
         arguments += [f"--ServerApp.port={port}", "--ServerApp.port_retries=0"]
@@ -119,6 +120,11 @@ def lab_arguments(folder: Path, *, ip: str, port: int | None, browser: bool) -> 
     if hasattr(os, "geteuid") and os.geteuid() == 0:
         arguments.append("--allow-root")  # a container's only user; the token still guards the server
     return arguments
+
+
+def without_announcements(handler: Any, page: dict[str, Any]) -> dict[str, Any]:
+    """Take JupyterLab's question about news, and with it the look for updates, out of a page."""
+    return page | {"disabledExtensions": [*page.get("disabledExtensions", ()), ANNOUNCEMENTS]}
 
 
 def lab(options: argparse.Namespace) -> int:
@@ -135,12 +141,17 @@ def lab(options: argparse.Namespace) -> int:
     if kept:
         print(f"Kept as you left them: {', '.join(map(str, kept[:3]))}{' …' if len(kept) > 3 else ''}. "
               "Move a file away to get the shipped one again.")
-    print("Stop with Ctrl-C.", flush=True)
+    print("Save your notebooks before you stop with Ctrl-C.", flush=True)
 
     from jupyterlab.labapp import LabApp
 
     try:
-        LabApp.launch_instance(lab_arguments(folder, ip=options.ip, port=options.port, browser=not options.no_browser))
+        server = LabApp.initialize_server(
+            argv=lab_arguments(folder, ip=options.ip, port=options.port, browser=not options.no_browser))
+        server.web_app.settings["page_config_hook"] = without_announcements
+        if not server.identity_provider.token_generated:  # else JupyterLab says it, with the token
+            print(f"JupyterLab is at {server.display_url}", flush=True)
+        server.start()
     except KeyboardInterrupt:
         pass
     print(f"JupyterLab is closed. Your notebooks are in {folder}.")

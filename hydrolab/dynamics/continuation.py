@@ -26,7 +26,7 @@ ParametrisedSystem = Callable[[NDArray, float], tuple[NDArray, NDArray, NDArray]
 
 @dataclass(frozen=True)
 class Step:
-    """One point of a curve: unknowns, parameter, unit tangent in (y, λ), residual, Newton iterations."""
+    """One point of a curve: unknowns, parameter, unit tangent in (y, λ), residual (an upper bound), iterations."""
 
     y: NDArray
     parameter: float
@@ -58,10 +58,10 @@ def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance:
         *_, answer, singular = dgesv(bordered, right)
         if singular:
             return None
-        if size < tolerance:
+        z -= answer[:, 0]
+        if size < tolerance:  # the last step is taken without looking back: the bordered matrix is regular at folds
             new = answer[:, 1]
             return Step(z[:n], float(z[n]), new / math.sqrt(new @ new), size, iterations)
-        z -= answer[:, 0]
     return None
 
 

@@ -76,8 +76,8 @@ class CentralDifference:
         if fastest * dt > 2:
             needed = math.ceil(math.pi * fastest / task.speed)
             raise BadInput(f"steps_per_revolution is {n}: the fastest frequency of the model, {fastest:.4g} rad/s, "
-                           f"times the step {dt:.3g} s is {fastest * dt:.3g}, and central differences need at most 2. Use "
-                           f"at least {needed} steps per revolution, or fewer modes.")
+                           f"times the step {dt:.3g} s is {fastest * dt:.3g}, and central differences need at most 2. "
+                           f"Use at least {needed} steps per revolution, or fewer modes.")
         before, now, push, load = central_difference_matrices(m, task.speed, dt)
         forcing = np.array([load @ task.unbalance(start + i * dt) for i in range(n)])
         q, v = state
@@ -120,7 +120,11 @@ class Newmark:
     steps_per_revolution: int = 512
     beta: float = 0.25
     gamma: float = 0.5
-    order = 2
+
+    @property
+    def order(self) -> int:
+        """2 for γ = ½, else 1."""
+        return 2 if self.gamma == 0.5 else 1
 
     def __post_init__(self) -> None:
         _check_steps(self.steps_per_revolution)

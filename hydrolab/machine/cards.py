@@ -95,6 +95,9 @@ def read_card(name_or_path: str | Path) -> dict[str, Any]:
     """
     own = isinstance(name_or_path, Path) or str(name_or_path).endswith(".toml")
     text = _read(Path(name_or_path)) if own else card_text(name_or_path)
+    if any(piece.count(".") > 100 for line in text.splitlines() for piece in line.split(",")):
+        # tomllib would take minutes over a key of thousands of dots
+        raise BadInput(f"{shown(str(name_or_path))} is no card: a line has more than 100 dots without a comma.")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

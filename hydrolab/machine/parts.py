@@ -42,7 +42,8 @@ _short.maxstring = _short.maxother = 60
 
 def shown(value: Any) -> str:
     """Return a value as a sentence can show it: on one line and short, whatever it is."""
-    return " ".join(_short.repr(value).split())
+    text = " ".join(_short.repr(value).split())
+    return text if len(text) <= 120 else f"{text[:80]} … {text[-20:]}"
 
 
 def nickname(key: str, value: Any) -> str:

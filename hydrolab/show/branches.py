@@ -10,13 +10,13 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from hydrolab.dynamics.results import Branch, PeriodicOrbit
+from hydrolab.dynamics.results import Branch
 from hydrolab.dynamics.stability import Floquet, floquet
 from hydrolab.show.drawing import UM
+from hydrolab.show.readings import verdicts
 from hydrolab.show.style import COLOURS, LINES
 
 Number = Callable[[NDArray], NDArray]  # coefficients, shape (points, 2, 2m + 1) → a length of each point, m
-RETRY_STEPS = 1024  # where 256 steps in a revolution leave the verdict open: multipliers are large there
 
 
 @dataclass(frozen=True)
@@ -60,38 +60,38 @@ def branch_stability(branch: Branch, known: Sequence[Floquet] = (), most: int = 
     if not len(rows):
         return tuple(known[:len(branch)])
     chosen = rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).round().astype(int))]
-    found = {int(i): _verdict(branch[int(i)]) for i in chosen}
+    found = {int(i): floquet(branch[int(i)]) for i in chosen}
     return tuple(known) + tuple(found[int(chosen[np.argmin(np.abs(chosen - i))])] for i in rows)
 
 
-def _verdict(orbit: PeriodicOrbit) -> Floquet:
-    first = floquet(orbit)
-    return first if first.verdict != "unknown" else floquet(orbit, steps=RETRY_STEPS)
-
-
-def stretches(branch_curve: Curve, verdicts: Sequence[str]) -> list[tuple[str, float, float]]:
+def stretches(branch_curve: Curve, words: Sequence[str]) -> list[tuple[str, float, float]]:
     """Stretches of one verdict and their ends along the curve: at a fold between two points, else half way."""
     points, folds = branch_curve.at_points, branch_curve.at_folds
-    found = [(verdicts[0], points[0], points[-1])]
-    for i in range(1, len(verdicts)):
-        if verdicts[i] != verdicts[i - 1]:
+    found = [(words[0], points[0], points[-1])]
+    for i in range(1, len(words)):
+        if words[i] != words[i - 1]:
             between = folds[(folds > points[i - 1]) & (folds < points[i])]
             change = float(between[0]) if len(between) else float(points[i - 1] + points[i]) / 2
             found[-1] = (*found[-1][:2], change)
-            found.append((verdicts[i], change, points[-1]))
+            found.append((words[i], change, points[-1]))
     return found
 
 
 def draw_branch(axes: Axes, branch: Branch, number: Number, stability: Sequence[Floquet] | None = None) -> None:
     """Draw one number of a branch (m, in µm) over the static eccentricity (%)."""
+    if len(branch) == 1:
+        axes.plot(100 * branch.static_eccentricity, UM * number(branch.coefficients), "o", color=COLOURS["rotor"],
+                  label="steady state")
+        return
     smooth = curve(branch)
-    verdicts = [s.verdict for s in stability] if stability else ["steady states"] * len(branch)
+    words = verdicts(branch, stability) if stability else [""] * len(branch)
     seen: set[str] = set()
-    for verdict, start, end in stretches(smooth, verdicts):
+    for verdict, start, end in stretches(smooth, words):
         share = (end - start) / (smooth.at_points[-1] - smooth.at_points[0])
         eccentricity, coefficients = smooth(np.linspace(start, end, 16 + round(1000 * share)))
         axes.plot(100 * eccentricity, UM * number(coefficients), LINES.get(verdict, "-"),
-                  color=COLOURS.get(verdict, COLOURS["rotor"]), label="" if verdict in seen else verdict)
+                  color=COLOURS.get(verdict, COLOURS["rotor"]),
+                  label="" if verdict in seen else f"{verdict} steady state".strip())
         seen.add(verdict)
     if len(smooth.at_folds):
         eccentricity, coefficients = smooth(smooth.at_folds)

@@ -18,25 +18,32 @@ MM, UM = 1e3, 1e6  # from metres
 
 def draw_orbit(axes: Axes, path: NDArray, colour: Any, *, label: str = "", width: float = 2.2, line: str = "-",
                sense: bool = True) -> None:
-    """Draw one revolution, path (2, n) in m from Ωt = 0, in mm: a dot at Ωt = 0 and an arrow the way it goes."""
-    x, z = MM * path
-    axes.plot(x, z, line, color=colour, linewidth=width, label=label)
+    """Draw one revolution, path (2, n) in m from Ωt = 0, in mm, with its sense unless that is switched off."""
+    axes.plot(*(MM * path), line, color=colour, linewidth=width, label=label)
     if sense:
-        axes.plot(x[0], z[0], "o", color=colour, markersize=6, markeredgecolor="white", markeredgewidth=0.8, zorder=5)
-        draw_arrow(axes, path, colour)
+        draw_sense(axes, path, colour)
 
 
-def draw_arrow(axes: Axes, path: NDArray, colour: Any, at: float = 0.12) -> None:
+def draw_sense(axes: Axes, path: NDArray, colour: Any, label: str = "") -> None:
+    """A dot where a revolution begins, at Ωt = 0, and an arrow the way it goes; path (2, n) in m."""
+    axes.plot(*(MM * path[:, :1]), "o", color=colour, markersize=8, markeredgecolor="white", zorder=5, linestyle="none",
+              label=label)
+    draw_arrow(axes, path, colour)
+
+
+def draw_arrow(axes: Axes, path: NDArray, colour: Any, at: float = 0.6) -> None:
     """An arrowhead on a path (2, n) in m, the way it goes, at a share of its samples."""
-    here = round(at * (path.shape[1] - 1))
-    tail, tip = (MM * path[:, i] for i in (here, here + max(1, path.shape[1] // 120)))
+    here = min(round(at * (path.shape[1] - 1)), path.shape[1] - 7)
+    if here < 0:
+        return
+    tail, tip = MM * path[:, here], MM * path[:, here + 6]
     axes.annotate("", xy=tip, xytext=tail, arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 17,
                                                        "shrinkA": 0, "shrinkB": 0})
 
 
 def draw_gap(axes: Axes, centre: NDArray, gap: float, *, label: bool = True) -> None:
     """The circle the rotor centre may not leave, radius g0 about the stator centre; that centre; the bearing axis."""
-    words = (f"contact: radius $g_0$ = {MM * gap:.3g} mm", "stator centre", "bearing axis") if label else ("",) * 3
+    words = (f"contact, radius {MM * gap:.3g} mm", "stator centre", "bearing axis") if label else ("",) * 3
     circle = centre[:, None] + gap * np.array([np.sin(REVOLUTION), np.cos(REVOLUTION)])
     axes.plot(*(MM * circle), color=COLOURS["stator"], linewidth=3, label=words[0])
     axes.plot(*(MM * centre), "x", color=COLOURS["stator"], markersize=8, markeredgewidth=2, label=words[1])
@@ -54,6 +61,8 @@ def draw_smallest_gap(axes: Axes, orbit: PeriodicOrbit) -> None:
     away = path - orbit.centre[:, None]
     at = int(np.argmax(np.hypot(*away)))
     radius = math.hypot(*away[:, at])
+    if not radius:
+        return  # at rest in the middle: the gap is the same all around
     touch = orbit.centre + away[:, at] * orbit.model.gap / radius
     axes.annotate("", xy=MM * touch, xytext=MM * path[:, at],
                   arrowprops={"arrowstyle": "<|-|>", "color": COLOURS["axis"], "shrinkA": 0, "shrinkB": 0})
@@ -71,5 +80,8 @@ def frame(axes: Axes, points: ArrayLike, margin: float = 0.12) -> None:
 
 
 def frame_gap(axes: Axes, centre: NDArray, gap: float) -> None:
-    """Set the limits around the whole gap."""
+    """Set the limits around the whole gap, and put the legend where the circle leaves room."""
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="center", bbox_to_anchor=tuple(MM * (centre - [0, 0.5 * gap])), bbox_transform=axes.transData,
+                    handlelength=1.5)
     frame(axes, centre[:, None] + gap * np.array([[-1.0, 1.0], [-1.0, 1.0]]), 0.04)

@@ -11,10 +11,12 @@ from hydrolab.dynamics.results import Branch, PeriodicOrbit
 from hydrolab.dynamics.stability import Floquet
 from hydrolab.show.branches import draw_branch
 from hydrolab.show.drawing import (
+    MM,
     REVOLUTION,
     draw_axis,
     draw_gap,
     draw_orbit,
+    draw_sense,
     draw_smallest_gap,
     frame,
     frame_gap,
@@ -32,8 +34,9 @@ def orbit_picture(orbit: PeriodicOrbit) -> Picture:
     figure = new_figure(12, 6) if has_gap else new_figure(7, 6)
     near, *far = figure.subplots(1, 2 if has_gap else 1, squeeze=False)[0]
     plane(near, f"Orbit at {percent(orbit.static_eccentricity)} static eccentricity")
-    draw_orbit(near, path, COLOURS["rotor"], label="rotor centre (dot: Ωt = 0)")
-    near.plot(*(1e3 * orbit.mean), ".", color=COLOURS["mean"], markersize=9, label="mean")
+    draw_orbit(near, path, COLOURS["rotor"], label="rotor centre", sense=False)
+    draw_sense(near, path, COLOURS["rotor"], "Ωt = 0")
+    near.plot(*(MM * orbit.mean), "+", color=COLOURS["mean"], markersize=10, markeredgewidth=1.6, label="mean")
     frame(near, path, 0.25)
     near.legend(loc="upper right")
     for axes in far:
@@ -42,7 +45,6 @@ def orbit_picture(orbit: PeriodicOrbit) -> Picture:
         draw_orbit(axes, path, COLOURS["rotor"], sense=False)
         draw_smallest_gap(axes, orbit)
         frame_gap(axes, orbit.centre, orbit.model.gap)
-        axes.legend(loc="center", bbox_to_anchor=(0.5, 0.24))
     if not far:
         draw_axis(near)
     return Picture(figure, orbit_reading(orbit))
@@ -63,7 +65,6 @@ def branch_picture(branch: Branch, stability: Sequence[Floquet] | None = None) -
     left.legend(loc="lower left")
     figure.supxlabel("static eccentricity, % of the gap")
     figure.suptitle("Steady states, along the eccentricity")
-    for axes in (left, right):
-        axes.set_xlim(left=min(0.0, 100 * float(np.min(branch.static_eccentricity))))
-        axes.set_ylim(bottom=min(0.0, axes.get_ylim()[0]))
+    left.set_xlim(left=min(0.0, 100 * float(np.min(branch.static_eccentricity))))
+    right.set_ylim(bottom=0)
     return Picture(figure, branch_reading(branch, stability))

@@ -57,7 +57,7 @@ class Picture:
         words = html.escape(self.reading, quote=True)
         width = round(self.figure.get_figwidth() * CSS_DOTS_PER_INCH)
         return (f'<figure style="margin: 0"><img alt="{words}" src="data:image/png;base64,{data}" '
-                f'style="width: {width}px; max-width: 100%"><figcaption>{words}</figcaption></figure>')
+                f'style="width: {width}px; max-width: 100%"/><figcaption>{words}</figcaption></figure>')
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, str]:
         return {"text/html": self._repr_html_(), "text/plain": self.reading}

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from functools import singledispatch
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,14 +75,31 @@ def orbit_reading(orbit: PeriodicOrbit) -> str:
     gap = "there is no air gap" if not math.isfinite(orbit.model.gap) else (
         f"the smallest gap is {1e3 * orbit.smallest_gap:.3f} mm of {1e3 * orbit.model.gap:.3f} mm")
     return (f"At {percent(orbit.static_eccentricity)} static eccentricity and {orbit.speed * 30 / math.pi:.4g} rpm the "
-            f"mean position of the rotor is {microns(math.hypot(*orbit.mean))} from the bearing axis; 1X is {microns(x1)} in x "
-            f"and {microns(z1)} in z (0-to-peak), 2X is {100 * second_share(orbit.coefficients):.1f} % of 1X; {gap}.")
+            f"mean position of the rotor is {microns(math.hypot(*orbit.mean))} from the bearing axis; 1X is "
+            f"{microns(x1)} in x and {microns(z1)} in z (0-to-peak), 2X is "
+            f"{100 * second_share(orbit.coefficients):.1f} % of 1X; {gap}.")
 
 
-def stable_runs(branch: Branch, stability: Sequence[Floquet]) -> list[tuple[int, int]]:
+def verdicts(branch: Branch, stability: Sequence[Floquet], reach: int = 3) -> list[str]:
+    """"stable", "unstable" or "unknown" for each point of a branch.
+
+    At a fold a multiplier is 1, so the verdict on a point next to one may be open; it takes that of the nearest point
+    on its own side of the fold, at most `reach` points away.
+    """
+    said = [s.verdict for s in stability]
+    bounds = [0, *(fold.after + 1 for fold in branch.folds), len(said)]
+    for start, end in pairwise(bounds):
+        known = [i for i in range(start, min(end, len(said))) if stability[i].verdict != "unknown"]
+        for i in set(range(start, min(end, len(said)))) - set(known):
+            near = min(known, key=lambda j: abs(j - i), default=len(said) + reach)
+            if abs(near - i) <= reach and (i - start < reach or end - 1 - i < reach):
+                said[i] = said[near]
+    return said
+
+
+def stable_runs(words: Sequence[str]) -> list[tuple[int, int]]:
     """First and last row of each run of stable points."""
-    rows = [(i, verdict.verdict == "stable") for i, verdict in enumerate(stability)]
-    runs = [[i for i, _ in run] for stable, run in groupby(rows, key=lambda row: row[1]) if stable]
+    runs = [[i for i, _ in run] for word, run in groupby(enumerate(words), key=lambda row: row[1]) if word == "stable"]
     return [(run[0], run[-1]) for run in runs]
 
 
@@ -94,7 +111,7 @@ def stability_sentence(branch: Branch, stability: Sequence[Floquet]) -> str:
         return percent(branch.static_eccentricity[row]) if fold is None else f"the fold at {percent(fold, 4)}"
 
     said = [f"from {end(a, folds.get(a - 1))} to {end(b, folds.get(b))}" if b > a else f"at {end(a, None)}"
-            for a, b in stable_runs(branch, stability)]
+            for a, b in stable_runs(verdicts(branch, stability))]
     if not said:
         return "no point of it is stable"
     return f"it is stable {listed(said)}{' and nowhere else' if len(stability) == len(branch) else ''}"
@@ -118,8 +135,8 @@ def trajectory_reading(trajectory: Trajectory) -> str:
     middle = (path.max(axis=1) + path.min(axis=1)) / 2
     size = microns(float(np.hypot(*(path - middle[:, None])).max()))
     return (f"Over {trajectory.revolutions:.4g} revolutions at {trajectory.speed * 30 / math.pi:.4g} rpm and "
-            f"{percent(trajectory.static_eccentricity)} static eccentricity the rotor centre ends within {size} of a point "
-            f"{microns(math.hypot(*middle))} from the bearing axis (last revolution). {trajectory.stopped}")
+            f"{percent(trajectory.static_eccentricity)} static eccentricity the rotor centre ends within {size} of a "
+            f"point {microns(math.hypot(*middle))} from the bearing axis (last revolution). {trajectory.stopped}")
 
 
 @reading.register

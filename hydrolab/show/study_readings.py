@@ -58,9 +58,9 @@ def figure_3_reading(study: StudyResult) -> str:
     orbit = study.orbits[VALIDATION]
     apart = float(np.hypot(*(balance - path)).max())
     stopped = "" if study.check.finished else f" {study.check.stopped}"
-    return (f"At {quoted(study, VALIDATION)} static eccentricity the orbits by harmonic balance ({orbit.harmonics} harmonics) "
-            f"and by direct integration (the last 3 of {study.check.revolutions:.0f} revolutions) are at most "
-            f"{microns(apart)} apart, {100 * apart / vibration(orbit):.3f} % of the largest vibration of "
+    return (f"At {quoted(study, VALIDATION)} static eccentricity the orbits by harmonic balance ({orbit.harmonics} "
+            f"harmonics) and by direct integration (the last 3 of {study.check.revolutions:.0f} revolutions) are at "
+            f"most {microns(apart)} apart, {100 * apart / vibration(orbit):.3f} % of the largest vibration of "
             f"{microns(vibration(orbit))}; the smallest gap is {1e3 * orbit.smallest_gap:.3f} mm of "
             f"{1e3 * study.model.gap:.3f} mm.{stopped}")
 
@@ -82,10 +82,11 @@ def figure_5_reading(study: StudyResult) -> str:
     marks = [f"{microns(study.orbits[p].amplitudes[0, 0])} at {quoted(study, p)}" for p in (0.0, 4.0, 8.0, 8.9)]
     last = (f"the first fold, at {percent(study.branch.folds[0].value, 4)}" if study.branch.folds else
             f"the end of the branch, at {percent(study.branch.static_eccentricity[-1], 4)}")
-    return (f"Up to {last} static eccentricity: 1X in x (0-to-peak) is {listed(marks)}, {end.amplitudes[0, 0] / start.amplitudes[0, 0]:.2f} "
-            f"times as large; the mean in x moves to {microns(end.mean[0])}; 2X is "
-            f"{100 * second_share(study.orbits[4.0].coefficients):.1f} % of 1X at {quoted(study, 4.0)} and "
-            f"{100 * second_share(end.coefficients):.1f} % at {quoted(study, 8.9)}.")
+    return (f"Up to {last} static eccentricity: 1X in x (0-to-peak) is {listed(marks)}, "
+            f"{end.amplitudes[0, 0] / start.amplitudes[0, 0]:.2f} times that at 0 %; the mean in x is "
+            f"{microns(abs(end.mean[0]))} at {quoted(study, 8.9)}; 2X is "
+            f"{100 * second_share(study.orbits[4.0].coefficients):.1f} % of 1X at "
+            f"{quoted(study, 4.0)} and {100 * second_share(end.coefficients):.1f} % at {quoted(study, 8.9)}.")
 
 
 def figure_6_reading(study: StudyResult) -> str:
@@ -95,8 +96,9 @@ def figure_6_reading(study: StudyResult) -> str:
     looped = [quoted(study, p) for p, o in zip(EVOLUTION, orbits, strict=True) if self_crossings(o.positions(PHASE))]
     travelled = 1e3 * float(np.hypot(*(orbits[-1].mean - orbits[0].mean)))
     loops = f"the orbit crosses itself at {listed(looped)}" if looped else "no orbit crosses itself"
-    return (f"From 0 to {quoted(study, EVOLUTION[-1])} static eccentricity the orbit at the generator travels {travelled:.2f} mm "
-            f"away from the stator's centre; the axes of its 1X ellipse have the ratio {listed(ratios)}; {loops}.")
+    return (f"From 0 to {quoted(study, EVOLUTION[-1])} static eccentricity the orbit at the generator travels "
+            f"{travelled:.2f} mm towards the smallest gap; the axes of its 1X ellipse have the ratio "
+            f"{listed(ratios)}; {loops}.")
 
 
 def figure_7_reading(study: StudyResult) -> str:
@@ -107,8 +109,9 @@ def figure_7_reading(study: StudyResult) -> str:
         found = [study.orbits[p].node_coefficients(n) for n in nodes] + [study.orbits[p].coefficients]
         return max(math.hypot(*c[:, 0]) for c in found), max(ellipse(c).major for c in found)
 
-    said = [f"{microns(mean)} and {microns(first)} at {quoted(study, p)}" for p in ROTOR for mean, first in [largest(p)]]
-    return (f"Largest mean displacement and largest 1X (0-to-peak, long half axis) along the rotor: {listed(said)}.")
+    said = [f"{microns(mean)} and {microns(first)} at {quoted(study, p)}" for p, (mean, first) in zip(
+        ROTOR, map(largest, ROTOR), strict=True)]
+    return f"Largest mean displacement and largest 1X (0-to-peak, long half axis) of the rotor: {', '.join(said)}."
 
 
 def outcome(trajectory: Trajectory) -> str:
@@ -131,7 +134,10 @@ def figure_8_reading(study: StudyResult, stability: Sequence[Floquet]) -> str:
     branch, beyond = study.branch, study.beyond
     folds = (f"The branch folds at {listed(percent(f.value, 4) for f in branch.folds)} static eccentricity"
              if branch.folds else "The branch has no fold")
-    there = [f"{f.verdict} (largest multiplier {f.largest:.2f})" for _, f in study.beyond_orbits]
-    states = f"has {len(there)} steady state{'s' * (len(there) > 1)}, {listed(there)}" if there else "has no steady state"
-    return (f"{folds}; {stability_sentence(branch, stability)}. At {quoted(study, BEYOND)} it {states}; started there on the "
-            f"{quoted(study, 8.9)} orbit, {outcome(beyond)}.")
+    there = [f"{f.verdict} (largest multiplier {f'{f.largest:.2f}' if f.largest < 100 else 'above 100'})"
+             for _, f in study.beyond_orbits]
+    states = f"it has {len(there)} steady state{'s' * (len(there) > 1)}, {listed(there)}" if there else (
+        "it has no steady state" if study.eccentricity(BEYOND) < branch.static_eccentricity.max() or branch.folds else
+        "nothing is known of it, for it was followed no further")
+    return (f"{folds}; {stability_sentence(branch, stability)}. At {quoted(study, BEYOND)} {states}; started there on "
+            f"the {quoted(study, 8.9)} orbit, {outcome(beyond)}.")

@@ -23,7 +23,7 @@ COLOURS: Mapping[str, str] = MappingProxyType({
     "x": BLUE, "z": VERMILLION,
     "mean": BLACK, "1X": ORANGE, "2X": GREEN, "3X": PURPLE, "4X": SKY,
     "stable": GREEN, "unstable": VERMILLION, "unknown": "#7F7F7F", "fold": BLACK,
-    "stator": "#7F7F7F", "rotor": BLUE, "axis": "#595959",
+    "stator": "#7F7F7F", "rotor": BLUE, "axis": "#595959", "bearing": "#BFBFBF",
     "harmonic balance": SKY, "integration": BLACK,
 })
 LINES: Mapping[str, str] = MappingProxyType({

@@ -1,0 +1,121 @@
+"""Drawings for the chapters: the axes on a machine, the air gap with its magnetic pressure. Not to scale where said."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
+
+from hydrolab.machine.parts import Machine
+from hydrolab.show.picture import Picture
+from hydrolab.show.style import COLOURS, house_style, new_figure
+
+TURN = np.linspace(0.0, 2 * np.pi, 361)
+RUNNER = (1.3, 0.8)  # half width and height of the box drawn for a turbine, m: no size is known
+ARROW = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "linewidth": 2.0, "mutation_scale": 18}
+
+
+def _arrow(axes: Axes, tail: tuple[float, float], tip: tuple[float, float], colour: str, **more: Any) -> None:
+    axes.annotate("", xy=tip, xytext=tail, arrowprops=ARROW | {"color": colour} | more)
+
+
+def _arc(axes: Axes, radius: float, start: float, end: float, colour: str) -> None:
+    """An arc with an arrowhead between two gap angles, from z towards x, about the origin."""
+    angle = np.linspace(start, end, 60)
+    axes.plot(radius * np.sin(angle), radius * np.cos(angle), color=colour, linewidth=2)
+    _arrow(axes, *((radius * math.sin(a), radius * math.cos(a)) for a in angle[[-3, -1]]), colour)
+
+
+@house_style()
+def conventions_picture(machine: Machine) -> Picture:
+    """The machine from the side with y pointing down, and the plane across it from above with angle and spin."""
+    figure = new_figure(12, 7)
+    side, above = figure.subplots(1, 2)
+    _draw_side(side, machine)
+    _draw_above(above)
+    generator = machine.body(machine.air_gap.body)
+    words = (f"Left, {machine.name} from the side: y points down from the shaft top, the {generator.name}'s centre lies "
+             f"at y = {f'{machine.shaft.nodes[generator.node] + generator.offset:.3f}'.replace('-', '−')} m, the shaft ends at "
+             f"{machine.shaft.length:.2f} m. Right, the plane (x, z) from above: the gap angle φ runs from z towards x, "
+             "and so does the spin, clockwise.")
+    return Picture(figure, words)
+
+
+def _draw_side(axes: Axes, machine: Machine) -> None:
+    shaft, gap = machine.shaft, machine.air_gap
+    half = float(shaft.diameter.max()) / 2
+    axes.add_patch(Rectangle((-half, 0), 2 * half, shaft.length, color=COLOURS["axis"], alpha=0.45, linewidth=0))
+    for body in machine.bodies:
+        y = float(shaft.nodes[body.node]) + body.offset
+        wide, tall = (gap.mean_radius - gap.gap / 2, gap.length) if body.name == gap.body else RUNNER
+        axes.add_patch(Rectangle((-wide, y - tall / 2), 2 * wide, tall, color=COLOURS["rotor"], alpha=0.55, linewidth=0))
+        axes.annotate(body.name, (0, y), ha="center", va="center", fontsize=12)
+        if body.name == gap.body:
+            for left in (-wide - 0.65, wide + 0.05):
+                axes.add_patch(Rectangle((left, y - tall / 2), 0.6, tall, color=COLOURS["stator"], linewidth=0))
+            axes.annotate("stator", (wide + 0.35, y - tall / 2 - 0.1), ha="center", va="bottom", fontsize=12)
+    for bearing in (*machine.bearings, *machine.thrust_bearings):
+        y = float(shaft.nodes[bearing.node])
+        for side in (-1, 1):
+            axes.add_patch(Rectangle((side * half - (side < 0) * 0.5, y - 0.12), 0.5, 0.24, color=COLOURS["bearing"]))
+        axes.annotate(bearing.name, (half + 0.65, y), va="center", fontsize=12)
+    _arrow(axes, (-2.6, 1.2), (-2.6, 4.2), COLOURS["mean"])
+    axes.annotate("y", (-2.6, 4.3), ha="center", va="top", fontsize=16)
+    axes.set(xlim=(-3.9, 5.0), ylim=(10.2, -1.7), aspect="equal", xlabel="x, m", ylabel="depth y, m",
+             title="From the side (the runner's size is a guess)")
+
+
+def _draw_above(axes: Axes) -> None:
+    axes.plot(1.25 * np.sin(TURN), 1.25 * np.cos(TURN), color=COLOURS["stator"], linewidth=6)
+    axes.fill(np.sin(TURN), np.cos(TURN), color=COLOURS["rotor"], alpha=0.25, linewidth=0)
+    for tip, name, at in (((1.6, 0.0), "x", (1.68, 0.0)), ((0.0, 1.6), "z", (0.0, 1.7))):
+        _arrow(axes, (0.0, 0.0), tip, COLOURS["mean"])
+        axes.annotate(name, at, ha="center", va="center", fontsize=16)
+    _arc(axes, 0.55, 0.0, math.radians(50), COLOURS["1X"])
+    axes.plot([0, math.sin(math.radians(50))], [0, math.cos(math.radians(50))], color=COLOURS["1X"], linewidth=1.4)
+    axes.annotate("φ", (0.27, 0.62), fontsize=16, color=COLOURS["axis"])
+    _arc(axes, 0.8, math.radians(130), math.radians(230), COLOURS["rotor"])
+    axes.annotate("spin Ω", (0.0, -0.6), ha="center", fontsize=14)
+    axes.plot(0.0, 0.88, "o", color=COLOURS["mean"], markersize=11)
+    axes.annotate("heavy spot\nat Ωt = 0", (-0.1, 0.83), ha="right", va="top", fontsize=12)
+    axes.annotate("air gap, drawn far too wide", (0.0, -1.5), ha="center", fontsize=12)
+    axes.set(xlim=(-1.85, 1.85), ylim=(-1.85, 1.85), aspect="equal", title="From above")
+    axes.set_axis_off()
+
+
+@house_style()
+def gap_picture(eccentricity: float) -> Picture:
+    """The gap around a rotor displaced along x by a fraction of the gap, the magnetic pressure, and what it adds up to.
+
+    The gap is drawn as a third of the rotor's radius.
+    """
+    gap = 1 / 3
+    figure = new_figure(7.5, 6.5)
+    axes = figure.subplots()
+    stator, centre = 1 + gap, eccentricity * gap
+    axes.fill(1.18 * stator * np.sin(TURN), 1.18 * stator * np.cos(TURN), color=COLOURS["stator"], alpha=0.5, linewidth=0)
+    axes.fill(stator * np.sin(TURN), stator * np.cos(TURN), color="white", linewidth=0)
+    axes.fill(centre + np.sin(TURN), np.cos(TURN), color=COLOURS["rotor"], alpha=0.3, linewidth=0)
+    for angle in np.radians(np.arange(0, 360, 15)):
+        pressure = (1 - eccentricity * math.sin(angle)) ** -2
+        foot = np.array([centre + math.sin(angle), math.cos(angle)])
+        tip = foot + 0.07 * pressure * np.array([math.sin(angle), math.cos(angle)])
+        _arrow(axes, tuple(foot), tuple(tip), COLOURS["unstable"], linewidth=1.2, mutation_scale=9)
+    axes.plot(0, 0, "x", color=COLOURS["axis"], markersize=9, markeredgewidth=2)
+    axes.plot(centre, 0, "o", color=COLOURS["rotor"], markersize=7)
+    if eccentricity:
+        _arrow(axes, (centre, 0.0), (centre + math.copysign(0.7, eccentricity), 0.0), COLOURS["mean"], linewidth=3.5)
+        axes.annotate("pull on the rotor", (centre + math.copysign(0.4, eccentricity), 0.06), ha="center", fontsize=13)
+    axes.annotate("stator centre", (-0.05, -0.06), ha="right", va="top", fontsize=12)
+    axes.annotate("x", (1.72, 0), fontsize=15, va="center")
+    axes.annotate("z", (0, 1.68), fontsize=15, ha="center")
+    axes.set(xlim=(-1.8, 1.85), ylim=(-1.7, 1.8), aspect="equal")
+    axes.set_axis_off()
+    strongest, weakest = (1 - abs(eccentricity)) ** -2, (1 + abs(eccentricity)) ** -2
+    return Picture(figure, f"The rotor is displaced by {100 * eccentricity:.0f} % of the gap along x (the gap is drawn "
+                           f"far too wide): the magnetic pressure is {strongest:.2f} times its mean-gap value where the "
+                           f"gap is smallest and {weakest:.2f} times where it is largest, so the pull acts along "
+                           f"{'+' if eccentricity > 0 else '−'}x, towards the small gap.")

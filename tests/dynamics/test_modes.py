@@ -1,0 +1,258 @@
+"""Modes, whirl direction and Campbell diagrams against closed forms and independent eigenproblems."""
+
+from dataclasses import dataclass, field, replace
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from hydrolab.dynamics.modes import campbell, modes, undamped_frequencies
+from hydrolab.errors import BadInput
+from hydrolab.machine.damping import rayleigh_coefficients
+from hydrolab.machine.parts import Machine, RadialBearing, RayleighDamping, RigidBody, Shaft, ThrustBearing
+
+RPM = pi / 30
+
+
+@dataclass
+class OneNode:
+    """A rigid body at one node: (x, z), or (x, z, θx, θz)."""
+
+    M: np.ndarray
+    C: np.ndarray
+    G: np.ndarray
+    K: np.ndarray
+    depths: np.ndarray = field(default_factory=lambda: np.zeros(1))
+
+    @property
+    def shaft_map(self):
+        return np.eye(len(self.M))
+
+    def velocity_matrix(self, speed):
+        return self.C + speed * self.G
+
+
+def point_mass(mass, damping, stiffness):
+    return OneNode(mass * np.eye(2), damping * np.eye(2), np.zeros((2, 2)), stiffness * np.eye(2))
+
+
+def gyroscope(Id, Ip, tilt_stiffness, mass=2.0, stiffness=3e9):
+    G = np.zeros((4, 4))
+    G[2, 3], G[3, 2] = -Ip, Ip
+    return OneNode(np.diag([mass, mass, Id, Id]), np.zeros((4, 4)), G,
+                   np.diag([stiffness, stiffness, tilt_stiffness, tilt_stiffness]))
+
+
+def rotor(stiffness=(1.37e9, 1.64e9), damping=None, bearing_damping=0.0):
+    shaft = Shaft(np.linspace(0, 9.04, 7), 0.71, 2e11, 7850, element="timoshenko")
+    bodies = RigidBody("generator", 0, 1.5e5, 3e5, 5e5, -0.472), RigidBody("turbine", 6, 5e4, 4e4, 6e4)
+    bearings = (RadialBearing("upper", 1, stiffness[0], bearing_damping),
+                RadialBearing("lower", 5, stiffness[1], bearing_damping))
+    return Machine("rotor", 150 * RPM, shaft, bodies, bearings, (ThrustBearing("thrust", 3, 5e7),), damping).model()
+
+
+def free_motion(model, speed, q, v, times):
+    """The equation of motion itself, by the matrix exponential: displacements at equal time steps, (n, T)."""
+    n = len(q)
+    inverse = np.linalg.inv(model.M)
+    A = np.block([[np.zeros((n, n)), np.eye(n)],
+                  [-inverse @ model.K, -inverse @ (model.C + speed * model.G)]])
+    step = scipy.linalg.expm(A * (times[1] - times[0]))
+    state, path = np.concatenate([q, v]), []
+    for _ in times:
+        path.append(state[:n])
+        state = step @ state
+    return np.array(path).T
+
+
+def test_damped_oscillator():
+    mass, stiffness, ratio = 3.0, 1200.0, 0.1
+    omega = sqrt(stiffness / mass)
+    found = modes(point_mass(mass, 2 * ratio * omega * mass, stiffness), 7.0)
+    exact = omega * (-ratio + 1j * sqrt(1 - ratio**2))
+    np.testing.assert_allclose(found.eigenvalues, [exact, exact], rtol=1e-12)
+    np.testing.assert_allclose(found.damping_ratios, ratio, rtol=1e-12)
+    np.testing.assert_allclose(found.hertz, exact.imag / (2 * pi), rtol=1e-12)
+    assert len(found.real_eigenvalues) == 0
+
+
+@pytest.mark.parametrize("ratio", [2.0, 5.0])
+def test_overdamped_motion_is_real(ratio):
+    found = modes(point_mass(1.0, 2 * ratio, 1.0))
+    exact = [-ratio - sqrt(ratio**2 - 1), -ratio + sqrt(ratio**2 - 1)]
+    assert len(found) == 0
+    np.testing.assert_allclose(found.real_eigenvalues, np.repeat(exact, 2), rtol=1e-12)
+
+
+def test_a_negative_stiffness_drives_the_rotor_away():
+    found = modes(point_mass(1.0, 0.0, -4.0))
+    np.testing.assert_allclose(found.real_eigenvalues, [-2, -2, 2, 2], rtol=1e-12)
+    with pytest.raises(BadInput, match="unstable at rest"):
+        undamped_frequencies(point_mass(1.0, 0.0, -4.0))
+
+
+@pytest.mark.parametrize("speed", [40.0, -40.0])
+def test_gyroscope(speed):
+    # Id ω² − Ip Ω ω − k = 0 with ω > 0 turning from z to x: the fast mode turns with the spin
+    Id, Ip, k = 2.0, 3.0, 5e3
+    found = modes(gyroscope(Id, Ip, k), speed)
+    fast, slow = (abs(sign * Ip * 40 + sqrt((Ip * 40) ** 2 + 4 * Id * k)) / (2 * Id) for sign in (1, -1))
+    np.testing.assert_allclose(found.frequencies[:2], [slow, fast], rtol=1e-12)
+    assert found.direction[:2] == ("backward", "forward")
+    np.testing.assert_allclose(found.whirl[:2], np.sign(speed) * np.array([-1, 1]), rtol=1e-9)
+
+
+def test_forward_whirl_turns_with_the_spin_in_numbers():
+    model, speed = rotor(), 150 * RPM
+    found = modes(model, speed)
+    assert found.direction[:4] == ("backward", "forward", "backward", "forward")
+    assert found.frequencies[1] > 1.2 * found.frequencies[0]
+    times = np.linspace(0, 0.2, 81)
+    spin = np.unwrap(np.arctan2(np.sin(speed * times), np.cos(speed * times)))  # a rotating unbalance, (x, z)
+    assert (np.diff(spin) > 0).all()
+    for mode, sense in ((0, -1), (1, 1), (2, -1), (3, 1)):
+        shape, value = found.shapes[:, mode], found.eigenvalues[mode]
+        path = free_motion(model, speed, shape.real, (value * shape).real, times)
+        angle = np.unwrap(np.arctan2(path[0], path[1]))  # gap angle, from z towards x, at the shaft top
+        np.testing.assert_allclose(np.diff(angle), sense * value.imag * (times[1] - times[0]), rtol=1e-6)
+
+
+def test_an_unbalance_excites_forward_whirl_only():
+    # with isotropic bearings the answer to (sin Ωt, cos Ωt) is orthogonal (in M) to every backward mode
+    model, speed = replace(rotor(), unbalance_sin=np.eye(28)[0], unbalance_cos=np.eye(28)[1]), 150 * RPM
+    dynamic = model.K - speed**2 * model.M + 1j * speed * (model.C + speed * model.G)
+    answer = np.linalg.solve(dynamic, speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin))
+    found = modes(model, speed)
+    share = np.abs(found.shapes.conj().T @ model.M @ answer) / sqrt((answer.conj() @ model.M @ answer).real)
+    backward = np.array(found.direction) == "backward"
+    assert share[backward].max() < 1e-7
+    assert share[~backward][0] > 0.1
+
+
+def test_shapes_solve_the_quadratic_eigenproblem():
+    model, speed = rotor(stiffness=([1.37e9, 1e9], [[1.64e9, 2e8], [-1e8, 1.2e9]]), bearing_damping=1e6), 15.7
+    found = modes(model, speed)
+    assert (np.diff(found.frequencies) >= 0).all()
+    np.testing.assert_allclose(np.einsum("im,ij,jm->m", found.shapes.conj(), model.M, found.shapes), 1, rtol=1e-10)
+    for value, shape in zip(found.eigenvalues, found.shapes.T, strict=True):
+        terms = value**2 * (model.M @ shape), value * (model.C + speed * model.G) @ shape, model.K @ shape
+        assert np.abs(sum(terms)).max() < 1e-9 * max(np.abs(t).max() for t in terms)
+    # every eigenvalue is there: the sum of all of them is −trace(M⁻¹(C + ΩG))
+    total = 2 * found.eigenvalues.real.sum() + found.real_eigenvalues.sum()
+    assert total == pytest.approx(-np.trace(np.linalg.solve(model.M, model.C)), rel=1e-8)
+    assert 2 * len(found) + len(found.real_eigenvalues) == 2 * len(model.M)
+
+
+def test_at_rest_nothing_whirls():
+    assert set(modes(rotor()).direction[:8]) == {"planar"}
+    assert set(modes(rotor(stiffness=([1.37e9, 1e9], [1.64e9, 1.2e9]))).direction[:8]) == {"planar"}
+
+
+def test_undamped_frequencies_are_the_modes_at_rest():
+    model = rotor()
+    np.testing.assert_allclose(undamped_frequencies(model)[:12], modes(model).frequencies[:12], rtol=1e-9)
+
+
+def test_a_free_shaft_has_four_rigid_motions():
+    model = Machine("free", 0.0, Shaft(np.linspace(0, 9.04, 21), 0.71, 2e11, 7850), ()).model()
+    omega = undamped_frequencies(model)
+    assert (omega[:4] == 0).all() and (omega[4:] > 200).all()
+    at_rest = modes(model)
+    assert len(at_rest.real_eigenvalues) == 8 and np.abs(at_rest.real_eigenvalues).max() < 1e-2
+    assert at_rest.frequencies[0] == pytest.approx(omega[4], rel=1e-8)
+    # spun, its axis precesses as that of a rigid rod: Ω Ip / Id, forward
+    speed, r, length = 20.0, 0.71 / 2, 9.04
+    spun = modes(model, speed)
+    ratio = (r**2 / 2) / (r**2 / 4 + length**2 / 12)
+    assert spun.frequencies[0] == pytest.approx(speed * ratio, rel=1e-3)
+    assert spun.direction[0] == "forward"
+
+
+def test_critical_speeds_of_a_gyroscope():
+    # on the 1X line: (Id − Ip) Ω² = k forward, (Id + Ip) Ω² = k backward
+    Id, Ip, k = 3.0, 2.0, 5e3
+    found = campbell(gyroscope(Id, Ip, k), np.linspace(0, 120, 25), branches=2)
+    np.testing.assert_allclose(found.critical_speeds, [sqrt(k / (Id + Ip)), sqrt(k / (Id - Ip))], rtol=1e-9)
+    at = found.whirl[-1, found.critical_branches]
+    np.testing.assert_allclose(at, [-1, 1], rtol=1e-9)
+    # Ip > Id: the forward branch outruns the line
+    disc = campbell(gyroscope(2.0, 3.0, k), np.linspace(0, 500, 51), branches=2)
+    np.testing.assert_allclose(disc.critical_speeds, [sqrt(k / 5)], rtol=1e-9)
+
+
+@pytest.mark.parametrize("speeds", [np.linspace(0, 900 * RPM, 31), np.linspace(0, 900 * RPM, 4)])
+def test_campbell_branches_cross_and_stay_themselves(speeds):
+    # isotropic, undamped: forward branches never meet forward ones, so sorting within a direction is exact
+    model = rotor()
+    found = campbell(model, speeds)
+    forward = found.whirl[-1] > 0
+    assert forward.sum() == 4
+    for row, speed in zip(found.frequencies[1:], speeds[1:], strict=True):
+        here = modes(model, speed)
+        sense = np.array(here.direction)
+        np.testing.assert_allclose(np.sort(row[forward]), here.frequencies[sense == "forward"][:4], rtol=1e-9)
+        np.testing.assert_allclose(np.sort(row[~forward]), here.frequencies[sense == "backward"][:4], rtol=1e-9)
+    assert (np.diff(found.frequencies[:, forward], axis=0) > 0).all()
+    assert (np.diff(found.frequencies[:, ~forward], axis=0) < 0).all()
+    assert (np.diff(np.argsort(found.frequencies[1:], axis=1), axis=0) != 0).any()  # they do cross
+
+
+def test_critical_speeds_solve_their_own_eigenproblem():
+    # λ = iΩ in the equation of motion: K φ = Ω² (M − iG) φ
+    model = rotor(stiffness=([1.37e9, 1e9], [1.64e9, 1.2e9]))
+    squares = scipy.linalg.eigvals(model.K.astype(complex), model.M - 1j * model.G)
+    exact = np.sort(np.sqrt(squares.real[squares.real > 0]))
+    exact = exact[exact < 900 * RPM]
+    found = campbell(model, np.linspace(0, 900 * RPM, 31))
+    assert len(exact) >= 3
+    np.testing.assert_allclose(found.critical_speeds, exact, rtol=1e-8)
+
+
+def test_campbell_is_even_in_the_speed():
+    speeds = np.linspace(-300, 300, 13) * RPM
+    found = campbell(rotor(), speeds)
+    np.testing.assert_allclose(np.sort(found.frequencies), np.sort(found.frequencies[::-1]), rtol=1e-8)
+    assert (np.diff(found.frequencies, axis=0)[:, 0] * np.diff(found.frequencies, axis=0)[0, 0] > 0).all()
+
+
+def test_a_branch_that_stops_oscillating_is_nan():
+    Id, Ip, k = 2.0, 3.0, 5e3
+    model = replace(gyroscope(Id, Ip, k), C=np.diag([0.0, 0.0, 300.0, 300.0]))
+    # λ² Id + λ (c − iΩIp) + k = 0 in θz + iθx (or its conjugate), overdamped at rest: c² > 4 Id k
+    found = campbell(model, [-50.0, 0.0, 50.0], branches=4)
+    assert not np.isnan(found.frequencies[0]).any()
+    lost = np.isnan(found.frequencies[1])
+    assert lost.sum() == 2
+    np.testing.assert_allclose(found.frequencies[1, ~lost], sqrt(3e9 / 2), rtol=1e-9)
+
+
+def test_bad_speeds_are_refused_in_a_sentence():
+    for speeds in ([1.0], [2.0, 1.0], [0.0, np.nan]):
+        with pytest.raises(BadInput, match="ascending"):
+            campbell(point_mass(1.0, 0.0, 1.0), speeds)
+    with pytest.raises(BadInput, match="finite"):
+        modes(point_mass(1.0, 0.0, 1.0), np.inf)
+    with pytest.raises(BadInput, match="positive definite"):
+        modes(replace(point_mass(1.0, 0.0, 1.0), M=np.zeros((2, 2))))
+
+
+def test_rayleigh_damping_gives_its_ratios_to_the_two_lowest_distinct_modes():
+    model = rotor(damping=RayleighDamping((0.01, 0.03)))
+    at_rest = modes(model)
+    np.testing.assert_allclose(at_rest.damping_ratios[:4], [0.01, 0.01, 0.03, 0.03], rtol=1e-7)
+    orthotropic = rotor(stiffness=([1.37e9, 1e9], [1.64e9, 1.2e9]), damping=RayleighDamping((0.01, 0.03)))
+    np.testing.assert_allclose(modes(orthotropic).damping_ratios[:2], [0.01, 0.03], rtol=1e-7)
+    omega = np.array([2.0, 5.0])
+    alpha, beta = rayleigh_coefficients(np.eye(4), np.diag(np.repeat(omega**2, 2)), (0.1, 0.1))
+    assert (alpha, beta) == pytest.approx((2 * 0.1 * 2 * 5 / 7, 2 * 0.1 / 7), rel=1e-12)
+
+
+def test_rayleigh_damping_passes_over_rigid_motions_and_needs_two_frequencies():
+    alpha, beta = rayleigh_coefficients(np.eye(3), np.diag([0.0, 4.0, 25.0]), (0.1, 0.1))
+    assert (alpha, beta) == pytest.approx((2 / 7, 0.2 / 7), rel=1e-12)
+    for K in (np.eye(2), np.zeros((2, 2)), np.diag([0.0, 1.0])):
+        with pytest.raises(BadInput, match="two distinct"):
+            rayleigh_coefficients(np.eye(2), K, (0.01, 0.01))
+    with pytest.raises(BadInput, match="symmetric"):
+        rayleigh_coefficients(np.eye(2), np.array([[2.0, 0.5], [-0.5, 1.0]]), (0.01, 0.01))

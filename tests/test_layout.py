@@ -1,0 +1,213 @@
+"""What the tree promises: imports that point one way, a light import, clean files, documented names."""
+
+import ast
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "hydrolab"
+
+# A module imports only from its own layer or one before it. The longest matching name decides.
+LAYERS = [
+    ["hydrolab.errors"],
+    ["hydrolab.machine.elements", "hydrolab.machine.forces", "hydrolab.machine.damping"],
+    ["hydrolab.machine.parts"],
+    ["hydrolab.machine.model", "hydrolab.machine.cards"],
+    ["hydrolab.machine"],
+    ["hydrolab.dynamics"],
+    ["hydrolab"],  # the names a chapter imports
+    ["hydrolab.show"],
+    ["hydrolab.course", "hydrolab.*"],  # the study and what belongs to it lie beside the packages
+    ["hydrolab.cli"],
+]
+RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
+# `unit.model()` reads well in a chapter; the method fetches the module that does the work when it is called.
+DEFERRED = {("hydrolab.machine.parts", "hydrolab.machine.model")}
+
+TOP_LEVEL = {"pyproject.toml", "book", "hydrolab", "tests", "environment-notes.md", "README.md"}
+BUILT = {"hydrolab-book", "hydrolab-study", "build", "dist"}  # made by commands, never committed
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py")) if "_book" not in path.parts}
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
+
+
+def rank(module: str) -> int:
+    """Return the module's layer."""
+    if module == "hydrolab":
+        return RANK[module]
+    parts = module.split(".")
+    for length in range(len(parts), 1, -1):
+        if (name := ".".join(parts[:length])) in RANK:
+            return RANK[name]
+    assert len(parts) == 2, f"{module} belongs to no layer; give its package one in LAYERS"
+    return RANK["hydrolab.*"]
+
+
+def imports(module: str, tree: ast.Module, *, deferred: bool = True) -> set[str]:
+    """Return the hydrolab modules that a module imports; deferred adds those imported inside functions."""
+    found = set()
+    nodes = list(tree.body)
+    while nodes:
+        node = nodes.pop()
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                package = module.split(".") if MODULES[module].name == "__init__.py" else module.split(".")[:-1]
+                base = ".".join([*package[:len(package) - node.level + 1], *filter(None, [node.module])])
+            for alias in node.names:
+                inner = f"{base}.{alias.name}"
+                found.add(inner if inner in MODULES or (ROOT / inner.replace(".", "/")).is_dir() else base)
+        elif deferred or not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            nodes += ast.iter_child_nodes(node)
+    return {name for name in found if name.split(".")[0] == "hydrolab"}
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_point_one_way(module):
+    for imported in imports(module, TREES[module]):
+        if (module, imported) in DEFERRED:
+            assert imported not in imports(module, TREES[module], deferred=False), f"{module} → {imported}: defer it"
+            continue
+        assert rank(imported) <= rank(module), f"{module} imports {imported}, which comes after it"
+
+
+def test_imports_have_no_cycle():
+    graph = {name: imports(name, tree, deferred=False) for name, tree in TREES.items()}
+
+    def walk(name: str, path: tuple[str, ...]) -> None:
+        assert name not in path, f"imports in a circle: {' → '.join((*path, name))}"
+        if name not in done:
+            for imported in graph.get(name, ()):
+                walk(imported, (*path, name))
+            done.add(name)
+
+    done: set[str] = set()
+    for name in graph:
+        walk(name, ())
+
+
+def test_the_solvers_do_not_know_machines():
+    for module, tree in TREES.items():
+        if module.startswith("hydrolab.dynamics"):
+            known = imports(module, tree)
+            assert not known & {"hydrolab.machine.parts", "hydrolab.machine.cards"}, f"{module} knows what a Machine is"
+
+
+def test_the_layer_test_sees_every_kind_of_import(monkeypatch):
+    source = """
+import hydrolab.cli
+from hydrolab import study
+from ..show import figures
+def f():
+    from hydrolab.course.checks import check
+"""
+    monkeypatch.setitem(MODULES, "hydrolab.study", PACKAGE / "study.py")
+    monkeypatch.setitem(MODULES, "hydrolab.show.figures", PACKAGE / "show" / "figures.py")
+    monkeypatch.setitem(MODULES, "hydrolab.dynamics.modes", PACKAGE / "dynamics" / "modes.py")
+    found = imports("hydrolab.dynamics.modes", ast.parse(source))
+    assert found == {"hydrolab.cli", "hydrolab.study", "hydrolab.show.figures", "hydrolab.course.checks"}
+    assert all(rank(name) > rank("hydrolab.dynamics.modes") for name in found)
+
+
+def loaded_by(statement: str) -> set[str]:
+    """Return the top-level packages that a fresh Python holds after a statement."""
+    code = f"{statement}\nimport json, sys\nprint(json.dumps(sorted({{name.split('.')[0] for name in sys.modules}})))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.mark.parametrize("statement", ["import hydrolab", "import hydrolab.cli"])
+def test_the_import_is_light(statement):
+    heavy = {"matplotlib", "ipywidgets", "viser", "sympy", "IPython", "jupyterlab", "jupyter_server"}
+    assert not heavy & loaded_by(statement)
+
+
+def public_definitions(tree: ast.Module):
+    """Yield the public functions and classes of a module, and the public methods of its public classes."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            yield node.name, node
+            if isinstance(node, ast.ClassDef):
+                for inner in node.body:
+                    if isinstance(inner, ast.FunctionDef) and not inner.name.startswith("_"):
+                        yield f"{node.name}.{inner.name}", inner
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_public_name_is_documented(module):
+    tree = TREES[module]
+    assert not tree.body or ast.get_docstring(tree), f"{module} does not say what it is"
+    missing = [name for name, node in public_definitions(tree) if not ast.get_docstring(node)]
+    assert not missing, f"{module}: no docstring on {', '.join(missing)}"
+
+
+def project_files() -> list[Path]:
+    """Return the project's own files: what git holds or would take, or all that no command made."""
+    listed = None
+    if (ROOT / ".git").exists():
+        listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard", "-z"], cwd=ROOT, capture_output=True,
+                                text=True, timeout=60, check=False)
+    if listed is not None and listed.returncode == 0:
+        return [path for name in listed.stdout.split("\0") if name and (path := ROOT / name).is_file()]
+    own = [path for path in ROOT.iterdir() if path.name in TOP_LEVEL | {".ci"}]
+    files = [path for top in own for path in ([top] if top.is_file() else top.rglob("*"))]
+    made = {"__pycache__", "_build", ".ipynb_checkpoints"}
+    return [path for path in files if path.is_file() and not made & set(path.parts)]
+
+
+def test_top_level():
+    names = {path.relative_to(ROOT).parts[0] for path in project_files()}
+    assert {name for name in names if not name.startswith(".")} <= TOP_LEVEL
+    visible = {path.name for path in ROOT.iterdir() if not path.name.startswith(".")}
+    assert visible - BUILT - TOP_LEVEL == set()
+    assert TOP_LEVEL - visible == set()
+
+
+# Put together here so that this file does not hold what it looks for.
+UNWANTED = {
+    "a package registry's host": ["py" + "pi.org", "python" + "hosted.org", "npm" + "js.org", "npm" + "js.com",
+                                  "yarn" + "pkg.com", "deb." + "debian.org", "conda." + "anaconda.org"],
+    "a path of one machine": ["/ro" + "ot/", "/wo" + "rk/", "/ho" + "me/", "/Us" + "ers/", "\\Us" + "ers\\",
+                              "/opt/" + "wheels", ".py" + "env/", "/tmp/" + "ipykernel"],
+}
+
+
+@pytest.mark.parametrize("what", UNWANTED)
+def test_no_file_names(what):
+    pattern = re.compile("|".join(map(re.escape, UNWANTED[what])).encode())
+    found = {f"{path.relative_to(ROOT)}: {match[0].decode()}" for path in project_files()
+             for match in [pattern.search(path.read_bytes())] if match}
+    assert not found, f"{what}: {sorted(found)}"
+
+
+def test_ci_runs_the_readme_line():
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    line = next(line for line in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
+                if line.startswith("python3 -m venv") and "pytest" in line)
+    assert line in readme.splitlines()
+
+
+def test_every_dependency_is_pinned_and_explained():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    lines = [*project["dependencies"], *(line for extra in project["optional-dependencies"].values() for line in extra)]
+    names = {re.match(r"[\w.-]+", line)[0].lower() for line in lines}
+    pinned = {re.match(r"[\w.-]+", line)[0].lower()
+              for line in (ROOT / ".ci" / "constraints.txt").read_text(encoding="utf-8").splitlines()}
+    notes = (ROOT / "environment-notes.md").read_text(encoding="utf-8").lower()
+    assert names <= pinned, "make .ci/constraints.txt again (environment-notes.md says how)"
+    assert not {name for name in names if f"`{name}`" not in notes}, "environment-notes.md says why each one is there"
