@@ -4,24 +4,30 @@ from __future__ import annotations
 
 import math
 
+from hydrolab.dynamics.basins import basins
 from hydrolab.dynamics.continuation import Arclength, follow, orbits_at
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance, sweep
+from hydrolab.dynamics.hysteresis import poincare, sweep_in_time
 from hydrolab.dynamics.integrators import CentralDifference, Newmark, RungeKutta, integrate
 from hydrolab.dynamics.modes import campbell, modes
 from hydrolab.dynamics.orbit_shape import ellipse, self_crossings
 from hydrolab.dynamics.reduction import reduce, truncation_error
 from hydrolab.dynamics.solvers import newton, powell_dog_leg
-from hydrolab.dynamics.stability import floquet
+from hydrolab.dynamics.stability import branch_stability, floquet, stable_orbits_at
+from hydrolab.dynamics.update import update_branch
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.cards import card_names, card_text, load_machine
 from hydrolab.machine.forces import CircularPull, LinearPull, ShapedPull
+from hydrolab.machine.vary import vary
+from hydrolab.maps import steady_map
 
 __version__ = "0.1.0"
 __all__ = [
-    "Arclength", "BadInput", "CentralDifference", "CircularPull", "Contact", "HarmonicBalance", "LinearPull", "Newmark",
-    "NoConvergence", "RungeKutta", "ShapedPull", "campbell", "card_names", "card_text", "ellipse", "floquet", "follow",
-    "integrate", "load_machine", "modes", "newton", "orbits_at", "powell_dog_leg", "reduce", "rpm", "self_crossings",
-    "sweep", "truncation_error",
+    "Arclength", "BadInput", "CentralDifference", "CircularPull", "Contact", "HarmonicBalance", "LinearPull",
+    "Newmark", "NoConvergence", "RungeKutta", "ShapedPull", "basins", "branch_stability", "campbell", "card_names",
+    "card_text", "ellipse", "floquet", "follow", "integrate", "load_machine", "modes", "newton", "orbits_at",
+    "poincare", "powell_dog_leg", "reduce", "rpm", "self_crossings", "stable_orbits_at", "steady_map", "sweep",
+    "sweep_in_time", "truncation_error", "update_branch", "vary",
 ]
 
 

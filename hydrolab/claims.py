@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.continuation import Arclength, follow, orbits_at
+from hydrolab.dynamics.continuation import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.orbit_shape import ellipse, largest_vibration, self_crossings
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.errors import NoConvergence
 from hydrolab.machine.elements import shaft_element
 from hydrolab.machine.forces import LinearPull
 from hydrolab.machine.parts import Shaft
@@ -256,8 +255,8 @@ def fluctuating_stress(study: Study) -> Claim:
 
 
 STRESS_SENTENCE = "'When the system works with axisimmetry, there are fluctuating stresses acting on the shaft.'"
-STRESS_CRITERION = ("in a fibre that turns with the shaft, the bending stress at 0 % (an axisymmetric machine) fluctuates by "
-                    "at least a tenth of what it does at 8.8 %")
+STRESS_CRITERION = ("in a fibre that turns with the shaft, the bending stress at 0 % (an axisymmetric machine) "
+                    "fluctuates by at least a tenth of what it does at 8.8 %")
 
 
 def stress_fluctuation(shaft: Shaft, orbit: PeriodicOrbit) -> float:

@@ -15,11 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from threadpoolctl import threadpool_limits
-
 from hydrolab.calibration import Member, calibrate, family_file, load_family, sensitivity
 from hydrolab.claims import judge
-from hydrolab.dynamics.stability import floquet
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.cards import read_card, write_card
 from hydrolab.machine.parts import Entry
@@ -92,10 +89,9 @@ def stable_reach(study: Study) -> float:
     """Largest eccentricity past the first fold at which a point of the later legs is stable; 0 if there is none."""
     if study.kind == "plain":
         return 0.0
-    with threadpool_limits(1):
-        values = study.branch.static_eccentricity
-        later = [i for i in range(study.branch.folds[1].after + 1, len(study.branch)) if values[i] > study.limit]
-        return max((float(values[i]) for i in later if floquet(study.branch[i]).verdict == "stable"), default=0.0)
+    beyond = zip(study.branch.static_eccentricity, study.stability, strict=True)
+    return max((float(value) for value, point in beyond if value > study.limit and point.verdict == "stable"),
+               default=0.0)
 
 
 def choose(verdicts: Iterable[Verdicts]) -> Member:

@@ -16,7 +16,7 @@ from rich.table import Table
 from hydrolab.claims import Claim, judge
 from hydrolab.dynamics.continuation import orbits_at
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.dynamics.stability import floquet
+from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
@@ -72,8 +72,9 @@ def further_orbits(study: Study) -> list[dict[str, Any]]:
     for percentage in (8.0, 8.5, 8.8, 8.9, 9.0):
         value = study.eccentricity(percentage)
         legs = orbits_at(study.branch, value)
-        for orbit in legs[1:] if value < study.limit else legs:
-            found.append({**orbit_record(orbit), "stability": floquet(orbit).verdict})
+        further = legs[1:] if value < study.limit else legs
+        found += [{**orbit_record(orbit), "stability": point.verdict}
+                  for orbit, point in zip(further, floquet_all(further), strict=True)]
     return found
 
 

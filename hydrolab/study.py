@@ -11,10 +11,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.continuation import Arclength, follow, orbits_at
@@ -23,7 +21,7 @@ from hydrolab.dynamics.integrators import CentralDifference, integrate
 from hydrolab.dynamics.reduction import truncation_error
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory
 from hydrolab.dynamics.solvers import powell_dog_leg
-from hydrolab.dynamics.stability import Floquet, floquet
+from hydrolab.dynamics.stability import Floquet, branch_stability, floquet_all
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 from hydrolab.machine.parts import Machine
@@ -47,7 +45,7 @@ class Study:
     scale: 1 where the paper's percentages apply; otherwise they are stretched by first fold/8.925 %.
     branch: steady states from 0 past up to three folds. orbits: by the paper's percentages, on the first leg.
     natural: the paper's own procedure (dog-leg, each start from the last solution). stability: of each point of
-    the first leg. check: direct integration at 8.8 %. beyond: direct integration at 9.0 %, begun on the 8.9 % orbit.
+    the branch. check: direct integration at 8.8 %. beyond: direct integration at 9.0 %, begun on the 8.9 % orbit.
     beyond_orbits: the steady states of the branch at 9.0 %, each with its stability.
     """
 
@@ -76,8 +74,9 @@ class Study:
     @property
     def first_loss(self) -> float | None:
         """Eccentricity of the first point of the first leg that is not stable, or None."""
-        for value, verdict in zip(self.branch.static_eccentricity, self.stability, strict=False):
-            if verdict.verdict != "stable":
+        leg = self.branch.first_leg
+        for value, point in zip(self.branch.static_eccentricity[leg], self.stability[leg], strict=True):
+            if point.verdict != "stable":
                 return float(value)
         return None
 
@@ -122,19 +121,17 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
         natural = sweep(model, replace(balance, solver=powell_dog_leg), step * np.arange(round(1.2 * limit / step)),
                         speed=speed)
         tell("steady states")(1, 1)
-        leg = range(branch.first_leg.stop)
-        stability = []
-        for i in leg:
-            stability.append(floquet(branch[i]))
-            tell("stability")(i + 1, len(leg))
+        stability = branch_stability(branch).points
+        tell("stability")(1, 1)
         method = CentralDifference(STEPS)
         check = integrate(model, method, speed=speed, static_eccentricity=VALIDATION / 100 * scale,
                           revolutions=revolutions, ramp=ramp, progress=tell("direct integration at 8.8 %"))
         beyond = integrate(model, method, speed=speed, static_eccentricity=BEYOND / 100 * scale,
                            revolutions=min(revolutions, REVOLUTIONS_BEYOND), start=orbits[8.9],
                            progress=tell("direct integration at 9.0 %"))
-        there = tuple((o, floquet(o)) for o in orbits_at(branch, BEYOND / 100 * scale))
-    return Study(machine, model, speed, scale, branch, orbits, natural, tuple(stability), check, beyond, there,
+        there = orbits_at(branch, BEYOND / 100 * scale)
+        there = tuple(zip(there, floquet_all(there), strict=True))
+    return Study(machine, model, speed, scale, branch, orbits, natural, stability, check, beyond, there,
                  truncation_error(model, check.model, speed, HARMONICS))
 
 

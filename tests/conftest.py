@@ -54,7 +54,8 @@ def kaplan(elements=12, guide=0.92, mass=6e4, field=0.5):
     runner = RigidBody("turbine", len(nodes) - 1, 4e4, 4e4, 6e4, 0.5, 31.826)
     return Machine("trial unit", SPEED, shaft, (generator, runner),
                    (RadialBearing("guide", 1, 1.37e9), RadialBearing("turbine bearing", len(nodes) - 2, 1.64e9)),
-                   (ThrustBearing("thrust", half + 1, 5e7),), RayleighDamping((0.01, 0.01)), table_1("generator", field))
+                   (ThrustBearing("thrust", half + 1, 5e7),), RayleighDamping((0.01, 0.01)),
+                   table_1("generator", field))
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ import copy
 import difflib
 import hashlib
 import json
+import os
 import re
 import struct
 import sys
@@ -41,6 +42,7 @@ def read(path: Path) -> Notebook:
 
     Raises BadInput if there is none.
     """
+    from nbformat import from_dict
     from nbformat.v4.rwbase import rejoin_lines
 
     try:
@@ -51,14 +53,15 @@ def read(path: Path) -> Notebook:
         raise BadInput(f"{path} is not a notebook: {error}.") from None
     if not isinstance(notebook, dict) or notebook.get("nbformat") != 4 or not isinstance(notebook.get("cells"), list):
         raise BadInput(f"{path} is not a notebook of format 4; open and save it in JupyterLab.")
-    return rejoin_lines(notebook)
+    return rejoin_lines(from_dict(notebook))
 
 
 def text(notebook: Notebook) -> str:
     """The notebook as it stands in its file: keys in order, one space of indent, texts split into lines."""
+    from nbformat import from_dict
     from nbformat.v4.rwbase import split_lines
 
-    split = split_lines(copy.deepcopy(notebook))
+    split = split_lines(from_dict(copy.deepcopy(notebook)))
     return json.dumps(split, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
 
 
@@ -162,8 +165,10 @@ def execute(notebook: Notebook, folder: Path) -> Notebook:
     client = NotebookClient(from_dict(bare), timeout=TIMEOUT, kernel_name="python3", record_timing=False,
                             store_widget_state=False, coalesce_streams=True, allow_errors=True,
                             resources={"metadata": {"path": str(folder)}})
+    here = str(Path(__file__).resolve().parents[2])  # the kernel runs the hydrolab that runs this
+    path = os.pathsep.join(filter(None, [here, os.environ.get("PYTHONPATH")]))
     try:
-        done = client.execute()
+        done = client.execute(env=os.environ | {"PYTHONPATH": path})
     except (CellTimeoutError, DeadKernelError) as error:
         raise BadInput(" ".join(str(error).split())[:300]) from None
     return clean(json.loads(json.dumps(done)))
@@ -203,14 +208,16 @@ def changes(old: Notebook, new: Notebook) -> Iterator[str]:
     """What differs between two notebooks of the same cells, cell by cell, in words."""
     if {k: v for k, v in old.items() if k != "cells"} != {k: v for k, v in new.items() if k != "cells"}:
         yield "the notebook's metadata"
+    if renamed := sum(was.get("id") != now["id"] for was, now in zip(old["cells"], new["cells"], strict=True)):
+        yield f"the ids of {renamed} cells"
     bare = zip(without_pixels(old)["cells"], without_pixels(new)["cells"], strict=True)
     for number, ((before, after), was, now) in enumerate(zip(bare, old["cells"], new["cells"], strict=True), 1):
-        if was == now:
+        keys = [key for key in sorted({*was, *now} - {"id"}) if was.get(key) != now.get(key)]
+        if not keys:
             continue
-        if before == after:
+        if keys == ["outputs"] and before == after:
             yield f"{_named(number, now)}: pixels"
             continue
-        keys = [key for key in sorted({*was, *now}) if was.get(key) != now.get(key)]
         lines = [line for line in difflib.unified_diff(_shown(before), _shown(after), n=0, lineterm="")
                  if line[:1] in "+-" and line[:3] not in ("+++", "---")]
         yield f"{_named(number, now)}: {', '.join(keys)}" + "".join(f"\n      {line[:120]}" for line in lines[:4])
@@ -219,7 +226,7 @@ def changes(old: Notebook, new: Notebook) -> Iterator[str]:
 def _shown(cell: Cell) -> list[str]:
     """The texts that a cell puts out, in lines."""
     found = [output.get("text") or output.get("data", {}).get("text/plain", "") for output in cell.get("outputs", [])]
-    return "\n".join(map(str, found)).split("\n")
+    return "\n".join(map(str, found)).splitlines()
 
 
 def refresh(path: Path, *, check: bool = False) -> tuple[bool, str]:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgesv
 from scipy.optimize import brentq
 
+from hydrolab.dynamics.condensation import Condensed
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance, orbit_from
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
 from hydrolab.dynamics.solvers import newton
@@ -141,6 +142,20 @@ class Arclength:
             raise BadInput(f"smallest_gap is {self.smallest_gap!r}; it is a fraction of the gap, from 0 to below 1.")
 
 
+def eccentricity_system(eq: Condensed, direction: NDArray) -> ParametrisedSystem:
+    """The harmonic balance as a system in the static eccentricity (fraction of the gap) along a unit vector."""
+    offset = np.zeros((2, eq.linear.shape[1]))
+    offset[:, 0] = direction * eq.model.gap / eq.length
+    offset, unit = offset.ravel(), eq.model.gap * direction
+
+    def system(y: NDArray, eccentricity: float) -> tuple[NDArray, NDArray, NDArray]:
+        r, jacobian = eq.linearise(y, eccentricity * unit)
+        # Moving the stator is moving the mean the other way, but only in the pull: Λ − ∂H/∂Y is ∂Z/∂Y.
+        return r, jacobian, (eq.stiffness - jacobian) @ offset
+
+    return system
+
+
 def follow(model: Model, parameter: str = "static_eccentricity", *, to: float = 0.2, speed: float,
            method: Arclength | None = None, start: PeriodicOrbit | None = None,
            direction: float = math.pi / 2) -> Branch:
@@ -162,15 +177,7 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float = 
     if to == first:
         raise BadInput(f"to is {to:g}, where the branch starts; give another end.")
     unit = np.array([math.sin(direction), math.cos(direction)])
-    offset = np.zeros((2, eq.linear.shape[1]))
-    offset[:, 0] = unit * model.gap / eq.length
-    offset = offset.ravel()
-
-    def system(y: NDArray, eccentricity: float) -> tuple[NDArray, NDArray, NDArray]:
-        r, jacobian = eq.linearise(y, eccentricity * model.gap * unit)
-        # Moving the stator is moving the mean the other way, but only in the pull: Λ − ∂H/∂Y is ∂Z/∂Y.
-        return r, jacobian, (eq.stiffness - jacobian) @ offset
-
+    system = eccentricity_system(eq, unit)
     steps: list[Step] = []
     special: list[SpecialPoint] = []
     forward = math.copysign(1.0, to - first)
@@ -215,14 +222,20 @@ def orbits_at(branch: Branch, static_eccentricity: float) -> list[PeriodicOrbit]
 
     Each starts from the straight line between the two neighbouring points and is solved to the full accuracy.
     """
-    eq, values = branch.equations, branch.static_eccentricity
+    eq = branch.equations
     centre = static_eccentricity * eq.model.gap * branch.direction
+    # With the folds put in, no leg is missed between the last point before a fold and the fold itself.
+    after = [fold.after + 1 for fold in branch.folds]
+    values = np.insert(branch.static_eccentricity, after, [fold.value for fold in branch.folds])
+    unknowns = np.insert(branch.unknowns, after, [fold.unknowns for fold in branch.folds], axis=0) if after else (
+        branch.unknowns)
     away = values - static_eccentricity
-    found = [branch[int(i)] for i in np.flatnonzero(away == 0)]
-    for i in np.flatnonzero(away[:-1] * away[1:] < 0):
+    found = []
+    for i in np.flatnonzero((away[:-1] * away[1:] < 0) | (away[:-1] == 0)):
         share = away[i] / (away[i] - away[i + 1])
-        solution = newton(lambda y: eq.linearise(y, centre),
-                          (1 - share) * branch.unknowns[i] + share * branch.unknowns[i + 1])
+        solution = newton(lambda y: eq.linearise(y, centre), (1 - share) * unknowns[i] + share * unknowns[i + 1])
         if solution.converged:
             found.append(orbit_from(eq, static_eccentricity, centre, solution))
+    if away[-1] == 0:
+        found.append(branch[-1])
     return found

@@ -206,8 +206,13 @@ class RungeKutta:
         for revolution in range(revolutions):
             begin = start + revolution * period
             times = begin + period * np.arange(1, n + 1) / n
+            if math.isfinite(m.gap) and clearance(begin, state.ravel()) <= 0:
+                yield times, np.full((2, n), np.nan), state
+                return
+            # The first step is given, because the guess that SciPy makes never ends where it meets the stator's nan.
             found = solve_ivp(rate, (begin, times[-1]), state.ravel(), method="DOP853", t_eval=times, rtol=self.rtol,
-                              atol=self.atol, events=clearance if math.isfinite(m.gap) else None)
+                              atol=self.atol, events=clearance if math.isfinite(m.gap) else None,
+                              first_step=period / 1024)
             if found.status < 0:
                 raise NoConvergence(f"DOP853 stopped after {begin / period:.2f} revolutions: {found.message} "
                                     "Raise rtol, or look at the motion before it.")
@@ -266,7 +271,7 @@ def implicit_pull(task: Task, compliance: NDArray) -> Callable[[float, NDArray, 
     """
     law, (xe, ze) = on_floats(task.model.law), task.centre.tolist()
     (cxx, cxz), (czx, czz) = compliance.tolist()
-    small = 1e-13 * task.model.length_scale
+    scale = task.model.length_scale
 
     def pull(t: float, free: NDArray, guess: NDArray) -> NDArray:
         (free_x, free_z), (x, z) = free.tolist(), guess.tolist()
@@ -274,7 +279,7 @@ def implicit_pull(task: Task, compliance: NDArray) -> Callable[[float, NDArray, 
         for _ in range(20):
             fx, fz, kxx, kxz, kzx, kzz = (strength * value for value in law(x - xe, z - ze))
             rx, rz = free_x + cxx * fx + cxz * fz - x, free_z + czx * fx + czz * fz - z
-            if not abs(rx) + abs(rz) > small:
+            if not abs(rx) + abs(rz) > 1e-13 * (scale + abs(x) + abs(z)):
                 return np.array([fx, fz])
             # (I − compliance slope) step = r, by Cramer's rule
             a, b = 1 - cxx * kxx - cxz * kzx, -cxx * kxz - cxz * kzz
@@ -311,6 +316,10 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
         raise BadInput(f"ramp is {ramp!r}; it must lie between 0 and the {revolutions} revolutions.")
     centre = model.centre(static_eccentricity, direction)
     small = model if modes is None else reduce(model, modes)
+    inertia = np.linalg.eigvalsh(small.M)
+    if not inertia[0] > len(inertia) * np.finfo(float).eps * inertia[-1]:
+        raise BadInput(f"{model.name} has a DOF without mass, which cannot be integrated in time; give the shaft a "
+                       "density above 0.")
     task = Task(small, float(speed), centre, ramp * period)
     state = _first_state(model, small, speed, start)
     if any(disturbance):
@@ -320,13 +329,14 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
     blocks: list[Block] = [(np.array([begin]), (small.selection @ state[0])[:, None], state)]
     stopped = None
     try:
-        for block in method.run(task, state, begin, revolutions):
-            block, stopped = _up_to_the_end(task, block, blocks[-1])
-            blocks.append(block)
-            if stopped:
-                break
-            if progress:
-                progress(len(blocks) - 1, revolutions)
+        with np.errstate(over="ignore", invalid="ignore"):  # a motion that grows without bound is said in words below
+            for block in method.run(task, state, begin, revolutions):
+                block, stopped = _up_to_the_end(task, block, blocks[-1])
+                blocks.append(block)
+                if stopped:
+                    break
+                if progress:
+                    progress(len(blocks) - 1, revolutions)
     except KeyboardInterrupt:
         stopped = f"Interrupted after {len(blocks) - 1} of {revolutions} revolutions; these are kept."
     finished = stopped is None

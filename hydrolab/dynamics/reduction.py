@@ -14,6 +14,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from hydrolab.dynamics.condensation import SINGULAR
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
 
@@ -28,6 +29,8 @@ def reduce(model: Model, modes: int = 12) -> Model:
     """
     if isinstance(modes, bool) or not isinstance(modes, (int, np.integer)) or modes < 1:
         raise BadInput(f"modes is {modes!r}; it must be a whole number of at least 1.")
+    if not np.linalg.cond(model.K, 1) < 1 / SINGULAR:
+        raise BadInput(f"{model.name} can move freely, so it has no static deflection; give it bearings.")
     try:
         if modes + len(model.selection) >= model.size:
             basis = np.eye(model.size)
@@ -37,8 +40,8 @@ def reduce(model: Model, modes: int = 12) -> Model:
             basis /= np.linalg.norm(basis, axis=0)  # the eigenproblem below needs columns of one size
         _, mix = scipy.linalg.eigh(basis.T @ model.K @ basis, basis.T @ model.M @ basis)
     except np.linalg.LinAlgError as error:
-        raise BadInput(f"{model.name} has no modal basis: a DOF has no mass (give the shaft a density above 0) or the "
-                       "machine can move freely (give it bearings).") from error
+        raise BadInput(f"{model.name} has a DOF without mass, so it has no modes; give the shaft a density above 0."
+                       ) from error
     basis = basis @ mix
 
     def project(matrix: NDArray) -> NDArray:

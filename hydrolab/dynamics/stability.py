@@ -1,39 +1,40 @@
-"""Floquet multipliers of a steady state: does a small disturbance die out?
+"""Floquet multipliers of steady states: does a small disturbance die out?
 
-The disturbance obeys M q̈ + (C + ΩG) q̇ + K q = Sᵀ J(t) S q, where J is the slope of the pull along the
-orbit. As x = (q, q̇) that is ẋ = (A + B J(t) W) x with B = (0, M⁻¹Sᵀ) and W = (S, 0), and everything but J is
-constant. The mean of J goes into A, whose flow over a step is exact; the rest of J acts as kicks on the
-velocities between. Chin's splitting 4A (1997) needs two kicks a step and only positive times, and is of
-fourth order, because two kicks do not commute with the flow in just one way, (J W A B J), which is a kick again.
+A verdict is given only where it survives its guards: the multipliers at two steps, and those of the orbit with the
+harmonics doubled. What a guard does not cover is computed again more finely, on more modes; what is still in doubt is
+"unknown", never "stable". Source: Nayfeh and Balachandran (1995), chapter 3, for the theory; `monodromy` for the method.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
+from hydrolab.dynamics.batch import Outcome, newton_batch, stack
 from hydrolab.dynamics.condensation import condense
-from hydrolab.dynamics.harmonic_balance import first_guess, orbit_from
-from hydrolab.dynamics.reduction import reduce
-from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.dynamics.solvers import newton
+from hydrolab.dynamics.continuation import correct, eccentricity_system, orbits_at
+from hydrolab.dynamics.monodromy import multipliers
+from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
+from hydrolab.dynamics.splitting import split
 from hydrolab.errors import BadInput
 
-TRUST = 1e-3  # multipliers may differ by this much between two resolutions; beyond, no orbit is called stable
-BASIS = 1e-4  # share of a multiplier that the modal basis may miss; within it of the unit circle: "unknown"
+TRUST = 1e-3  # relative change of the leading multipliers that a guard may show
+MODES, STEPS = 6, 32
+FINER = ((12, 64, 2), (20, 256, 2))  # modes, steps and factor on the harmonics of the second and third look
 
 
 @dataclass(frozen=True, eq=False)
 class Floquet:
     """Floquet multipliers of one orbit, largest first, and what they say.
 
-    multipliers: complex, shape (2r,) for r reduced DOFs. error: largest change of the four leading ones when the
-    steps are halved and the orbit's harmonics doubled, inf where there is no such orbit nearby.
-    verdict: "stable", "unstable" or "unknown". kind: how the leading one leaves the unit circle: "fold" (at +1),
-    "flip" (at −1) or "Neimark–Sacker" (a complex pair).
+    multipliers: complex, shape (2r,) for r reduced DOFs. error: how far the leading ones are known, from the guards.
+    verdict: "stable", "unstable" or "unknown". kind: where the leading one is nearest to leaving the unit circle:
+    "fold" (real, positive), "flip" (real, negative) or "Neimark–Sacker" (a complex pair).
     """
 
     multipliers: NDArray
@@ -49,64 +50,183 @@ class Floquet:
     def __str__(self) -> str:
         mu = self.multipliers[0]
         value = f"{mu.real:.5f}" if abs(mu.imag) < 1e-9 else f"{mu.real:.5f} ± {abs(mu.imag):.5f} i"
-        return f"{self.verdict}: leading multiplier {value}, modulus {abs(mu):.5f}"
+        return f"{self.verdict}: leading multiplier {value}, modulus {abs(mu):.5f}, known to {self.error:.0e}"
 
 
-def monodromy(orbit: PeriodicOrbit, modes: int = 12, steps: int = 128) -> NDArray:
-    """Monodromy matrix of the orbit on the reduced basis, shape (2r, 2r), over `steps` steps of fourth order."""
-    model = reduce(orbit.model, modes)
-    r = model.size
-    inverse_mass = np.linalg.inv(model.M)
-    watch = np.hstack([model.selection, np.zeros_like(model.selection)])
-    push = np.vstack([np.zeros((r, 2)), inverse_mass @ model.selection.T])
+def floquet(orbit: PeriodicOrbit, modes: int = MODES, steps: int = STEPS) -> Floquet:
+    """Floquet multipliers of an orbit, guarded.
 
-    h = 2 * np.pi / orbit.speed / steps
-    half_steps = np.pi * np.arange(2 * steps) / steps
-    _, slope = model.law.linearise(orbit.positions(half_steps) - orbit.centre[:, None])
-    slope = slope.transpose(2, 0, 1)
-    mean = slope.mean(axis=0)
-    constant = np.block([[np.zeros((r, r)), np.eye(r)],
-                         [-inverse_mass @ model.K, -inverse_mass @ model.velocity_matrix(orbit.speed)]])
-    constant += push @ mean @ watch
-    flow = scipy.linalg.expm(constant * h / 2)
-
-    rest = slope - mean
-    kicks = h / 3 * rest  # at the ends of a step: h/6 of this step and h/6 of the next
-    middle = rest[1::2]
-    kicks[1::2] = 2 * h / 3 * (middle + h**2 / 24 * middle @ (watch @ constant @ push) @ middle)
-    product = np.eye(2 * r)
-    product += push @ (kicks[0] / 2 @ watch)
-    for kick in kicks[1:]:
-        product = flow @ product
-        product += push @ (kick @ (watch @ product))
-    product = flow @ product
-    return product + push @ (kicks[0] / 2 @ (watch @ product))
-
-
-def with_twice_the_harmonics(orbit: PeriodicOrbit) -> PeriodicOrbit | None:
-    """The same steady state with 2m harmonics and twice the samples; None if Newton does not find it from here."""
-    eq = condense(orbit.model, orbit.speed, 2 * orbit.harmonics, 2 * orbit.equations.samples)
-    solution = newton(lambda y: eq.linearise(y, orbit.centre), first_guess(eq, orbit))
-    return orbit_from(eq, orbit.static_eccentricity, orbit.centre, solution) if solution.converged else None
-
-
-def floquet(orbit: PeriodicOrbit, modes: int = 12, steps: int = 128) -> Floquet:
-    """Floquet multipliers of an orbit, checked against half as many steps on the orbit of twice the harmonics.
-
-    modes: modes of the reduced basis (the static deflection under the pull is added). steps: in a revolution.
-    Raises BadInput unless steps is an even number of at least 16.
+    modes: modes of the reduced basis (the static deflection under the pull is added). steps: the coarsest of the three
+    step counts in a revolution. Doubtful orbits are looked at more finely than that.
+    Raises BadInput for fewer than 8 steps.
     """
-    if isinstance(steps, bool) or not isinstance(steps, int) or steps < 16 or steps % 2:
-        raise BadInput(f"steps is {steps!r}; it must be an even number of at least 16 in a revolution.")
-    multipliers = np.linalg.eigvals(monodromy(orbit, modes, steps))
-    multipliers = multipliers[np.argsort(-np.abs(multipliers))]
-    error, lead = np.inf, multipliers[0]
-    if (finer := with_twice_the_harmonics(orbit)) is not None:
-        check = np.linalg.eigvals(monodromy(finer, modes, steps // 2))
-        error = float(max(np.abs(check - mu).min() for mu in multipliers[:4]))
-    if abs(lead) + max(error, BASIS) < 1 and error < TRUST:
-        verdict = "stable"
-    else:
-        verdict = "unstable" if abs(lead) - max(error, BASIS) > 1 else "unknown"
+    return floquet_all([orbit], modes, steps)[0]
+
+
+def floquet_all(orbits: Sequence[PeriodicOrbit], modes: int = MODES, steps: int = STEPS, *,
+                guard: bool = True) -> list[Floquet]:
+    """Floquet multipliers of many orbits of one model at one speed, together.
+
+    guard: also compare with the orbits at twice the harmonics, and look again where in doubt. Without it only the two
+    step sizes are compared, which is what a moving slider has time for.
+    Raises BadInput for fewer than 8 steps.
+    """
+    if steps < 8:
+        raise BadInput(f"steps is {steps}; at least 8 in a revolution are needed.")
+    if not orbits:
+        return []
+    eq = orbits[0].equations
+    coefficients = np.stack([o.coefficients for o in orbits])
+    centres = np.stack([o.centre for o in orbits])
+    system = split(eq.model, eq.speed, modes)
+    values, error = multipliers(system, coefficients, centres, steps)
+    if guard:
+        richer, found = _with_harmonics(eq, coefficients, centres, 2)
+        better, better_error = multipliers(system, richer, centres, steps)
+        error = np.maximum(better_error, moved(values, better))
+        error[~found] = np.inf
+        values = better
+        for more_modes, more_steps, factor in FINER:
+            doubt = np.flatnonzero(~clear(values, error))
+            if not len(doubt):
+                break
+            values_again, error_again = _again(eq, coefficients[doubt], centres[doubt], more_modes, more_steps, factor)
+            width = values_again.shape[1]
+            if width > values.shape[1]:
+                values = np.pad(values, ((0, 0), (0, width - values.shape[1])))
+            values[doubt, :width], values[doubt, width:] = values_again, 0
+            error[doubt] = error_again
+    return [_judged(v, float(e)) for v, e in zip(values, error, strict=True)]
+
+
+def moved(first: NDArray, second: NDArray) -> NDArray:
+    """How far the five leading multipliers of each row of `second` are from any of `first`, (P,)."""
+    return np.abs(second[:, :5, None] - first[:, None, :]).min(axis=2).max(axis=1)
+
+
+def clear(values: NDArray, error: NDArray) -> NDArray:
+    """Whether the guards leave no doubt on which side of the unit circle the leading multiplier is, (P,)."""
+    size = np.abs(values[:, 0])
+    return np.isfinite(error) & (error <= TRUST * np.maximum(1, size)) & (np.abs(size - 1) > 3 * error)
+
+
+def _with_harmonics(eq, coefficients: NDArray, centres: NDArray, factor: int) -> tuple[NDArray, NDArray]:
+    """The orbits solved again with `factor` times the harmonics, and which of them converged."""
+    richer = condense(eq.model, eq.speed, factor * eq.harmonics, factor * eq.samples)
+    start = np.zeros((len(coefficients), 2, 2 * richer.harmonics + 1))
+    start[:, :, :coefficients.shape[2]] = coefficients / richer.length
+    batch = stack([richer]).take(np.zeros(len(coefficients), dtype=int))
+    y, outcome = newton_batch(batch, start.reshape(len(start), -1), centres)
+    near = np.abs(y - start.reshape(len(start), -1)).max(axis=1) < 0.05  # not another orbit
+    return richer.length * y.reshape(start.shape), (outcome == Outcome.CONVERGED) & near
+
+
+def _again(eq, coefficients: NDArray, centres: NDArray, modes: int, steps: int,
+           factor: int) -> tuple[NDArray, NDArray]:
+    """A finer look: more modes, smaller steps, and the harmonics doubled twice for the guard."""
+    system = split(eq.model, eq.speed, modes)
+    some, found = _with_harmonics(eq, coefficients, centres, factor)
+    more, found_more = _with_harmonics(eq, coefficients, centres, 2 * factor)
+    values, error = multipliers(system, more, centres, steps)
+    error = np.maximum(error, moved(multipliers(system, some, centres, steps)[0], values))
+    error[~(found & found_more)] = np.inf
+    return values, error
+
+
+def _judged(values: NDArray, error: float) -> Floquet:
+    lead = values[0]
+    verdict = "unknown"
+    if clear(values[None], np.array([error]))[0]:
+        verdict = "stable" if abs(lead) < 1 else "unstable"
     kind = "Neimark–Sacker" if abs(lead.imag) > 1e-6 * abs(lead) else ("fold" if lead.real > 0 else "flip")
-    return Floquet(multipliers, error, verdict, kind)
+    return Floquet(values[np.abs(values) > 0] if (values == 0).any() else values, error, verdict, kind)
+
+
+@dataclass(frozen=True, eq=False)
+class BranchStability:
+    """The stability of every point of a branch, and where it changes.
+
+    points: one `Floquet` for each row of the branch. crossings: flips and Neimark–Sacker points located on the branch
+    (folds are the branch's own), each with the multiplier's angle from the positive real axis in `kind`.
+    """
+
+    points: tuple[Floquet, ...]
+    crossings: tuple[SpecialPoint, ...]
+
+    @property
+    def verdicts(self) -> tuple[str, ...]:
+        """"stable", "unstable" or "unknown" for each point."""
+        return tuple(p.verdict for p in self.points)
+
+    def __str__(self) -> str:
+        counts = ", ".join(f"{self.verdicts.count(v)} {v}" for v in ("stable", "unstable", "unknown"))
+        where = "; ".join(str(c) for c in self.crossings) or "none"
+        return f"{counts} of {len(self.points)} points; stability changes away from folds: {where}"
+
+
+def branch_stability(branch: Branch, modes: int = MODES, steps: int = STEPS, *, guard: bool = True,
+                     locate: bool = True) -> BranchStability:
+    """Floquet multipliers of every point of a branch in one batch, and where stability changes between them.
+
+    guard: as in `floquet_all`. locate: find flips and Neimark–Sacker points by bisection on the number of multipliers
+    outside the unit circle.
+    """
+    points = floquet_all(list(branch), modes, steps, guard=guard)
+    if not locate:
+        return BranchStability(tuple(points), ())
+    folds = {fold.after for fold in branch.folds}
+    crossings = []
+    for i, (a, b) in enumerate(pairwise(points)):
+        change = outside(a) != outside(b) and "unknown" not in (a.verdict, b.verdict)
+        if change and (i not in folds or abs(outside(a) - outside(b)) != 1):
+            crossing = _locate(branch, i, a, b, modes, steps)
+            if crossing is not None:
+                crossings.append(crossing)
+    return BranchStability(tuple(points), tuple(crossings))
+
+
+def outside(point: Floquet) -> int:
+    """Number of multipliers outside the unit circle."""
+    return int(np.sum(np.abs(point.multipliers) > 1))
+
+
+def _locate(branch: Branch, i: int, a: Floquet, b: Floquet, modes: int, steps: int) -> SpecialPoint | None:
+    """Where between rows i and i + 1 a multiplier crosses the unit circle; None at a fold."""
+    eq = branch.equations
+    unit = eq.model.gap * branch.direction
+    low, high = (np.append(branch.unknowns[j], branch.static_eccentricity[j]) for j in (i, i + 1))
+    here, count = (low + high) / 2, outside(a)
+    found = None
+    for _ in range(24):
+        here = (low + high) / 2
+        orbit = _on_branch(branch, here, high - low)
+        if orbit is None:
+            return None
+        values, _ = multipliers(split(eq.model, eq.speed, modes), orbit[:-1].reshape(1, 2, -1) * eq.length,
+                                (orbit[-1] * unit)[None], steps)
+        found = orbit, values[0]
+        if int(np.sum(np.abs(values[0]) > 1)) == count:
+            low = orbit
+        else:
+            high = orbit
+        if np.abs(high - low).max() < 1e-9:
+            break
+    point, values = found
+    mu = values[np.argmin(np.abs(np.abs(values) - 1))]
+    if abs(mu - 1) < 1e-2 and abs(mu.imag) < 1e-6:
+        return None
+    kind = "flip" if mu.real < 0 and abs(mu.imag) < 1e-6 else (
+        f"Neimark–Sacker, {math.degrees(abs(np.angle(mu))):.1f}° a revolution,")
+    return SpecialPoint(kind, float(point[-1]), i, point[:-1])
+
+
+def _on_branch(branch: Branch, guess: NDArray, along: NDArray) -> NDArray | None:
+    """The point of the branch in the plane through `guess` normal to `along`."""
+    step = correct(eccentricity_system(branch.equations, branch.direction), guess, along / np.linalg.norm(along))
+    return None if step is None else np.append(step.y, step.parameter)
+
+
+def stable_orbits_at(branch: Branch, static_eccentricity: float) -> list[PeriodicOrbit]:
+    """The stable steady states of a branch at one eccentricity."""
+    orbits = orbits_at(branch, static_eccentricity)
+    return [o for o, f in zip(orbits, floquet_all(orbits), strict=True) if f.verdict == "stable"]

@@ -31,8 +31,8 @@ def paper_integrals(x, z, x_e, z_e):
     def gap(phi):
         return 1 + ((x_e - x) * math.sin(phi) + (z_e - z) * math.cos(phi)) / G0
     factor = GAP.field**2 * GAP.mean_radius * GAP.length / (2 * MU_0)
-    return [factor * quad(lambda phi, wave=wave: wave(phi) / gap(phi) ** 2, 0, 2 * math.pi, epsabs=1e-13, epsrel=1e-13)[0]
-            for wave in (math.sin, math.cos)]
+    return [factor * quad(lambda phi, wave=wave: wave(phi) / gap(phi) ** 2, 0, 2 * math.pi,
+                          epsabs=1e-13, epsrel=1e-13)[0] for wave in (math.sin, math.cos)]
 
 
 def test_stiffness_of_table_1():

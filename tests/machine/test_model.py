@@ -84,7 +84,8 @@ def test_centre(unit):
 
 
 @pytest.mark.parametrize(("value", "direction", "words"), [
-    (1.2, 0.0, "fraction of the gap"), (-1.0, 0.0, "between -1 and 1"), (math.nan, 0.0, "finite"), (0.1, math.inf, "finite")])
+    (1.2, 0.0, "fraction of the gap"), (-1.0, 0.0, "between -1 and 1"), (math.nan, 0.0, "finite"),
+    (0.1, math.inf, "finite")])
 def test_centre_refuses(unit, value, direction, words):
     with pytest.raises(BadInput, match=words):
         unit.centre(value, direction)
