@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from hydrolab.dynamics.basins import basins
-from hydrolab.dynamics.continuation import Arclength, follow, orbits_at
-from hydrolab.dynamics.harmonic_balance import HarmonicBalance, sweep
+from hydrolab.dynamics.continuation import Arclength, follow, orbits_at, sweep
+from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.hysteresis import poincare, sweep_in_time
 from hydrolab.dynamics.integrators import CentralDifference, Newmark, RungeKutta, integrate
 from hydrolab.dynamics.modes import campbell, modes

@@ -143,7 +143,8 @@ def nothing_beyond(study: Study) -> Claim:
     there = [f"{verdict.verdict} (largest multiplier {verdict.largest:.2f})" for _, verdict in study.beyond_orbits]
     exists = (f"At 9.0 % the branch, past its folds, has {len(there)} steady state{'s' if len(there) > 1 else ''}: "
               f"{', '.join(there)}; so that none was found does not mean that there is none."
-              if there else "At 9.0 % the branch has no steady state.")
+              if there else "At 9.0 % the branch has no steady state." if study.branch.folds else
+              f"The branch was followed to {100 * study.limit / study.scale:.3f} % and no further.")
     return Claim(
         6, "Beyond about 8.9 % no steady state is found, and a small increment there means a huge increase.",
         "the paper's procedure (dog-leg from the last solution, steps of 0.1 %) stops between 8.8 and 9.0 %, and "
@@ -154,6 +155,8 @@ def nothing_beyond(study: Study) -> Claim:
 
 def whole_shaft(study: Study) -> Claim:
     """Claim 7: the whole shaft behaves so."""
+    if study.machine.shaft is None:
+        return Claim(7, SHAFT_SENTENCE, "the whole shaft", "the machine has no shaft, so there is nothing to judge", False)
     nodes = range(len(study.model.depths))
     o = {p: [study.orbits[p].node_coefficients(n) for n in nodes] for p in (0.0, 1.0, 5.0, 7.0, 8.9)}
 
@@ -166,8 +169,7 @@ def whole_shaft(study: Study) -> Claim:
     seconds = share(o[8.9], lambda c: ellipse(c, 2).major >= 0.05 * ellipse(c).major)
     most = len(nodes) // 2 + 1
     return Claim(
-        7, "The whole shaft behaves so: 1 % shifts it, 5 % bends it more, 7 % makes the orbits elliptical, at 8.9 % "
-        "the second harmonic shows on a highly bent shaft.",
+        7, SHAFT_SENTENCE,
         f"at most nodes (at least {most} of {len(nodes)}): 1X within 5 % of its value at 0 % when at 1 %; ratio of axes "
         "at most 0.90 at 7 %; 2X at least 5 % of 1X at 8.9 %; and the mean bend at 5 % at least 3 times that at 1 %",
         f"1X unchanged at 1 % at {circles} nodes; elliptical at 7 % at {ellipses}; 2X visible at 8.9 % at {seconds}; mean "
@@ -254,6 +256,8 @@ def fluctuating_stress(study: Study) -> Claim:
         centred >= 0.1 * late)
 
 
+SHAFT_SENTENCE = ("The whole shaft behaves so: 1 % shifts it, 5 % bends it more, 7 % makes the orbits elliptical, at 8.9 % "
+                  "the second harmonic shows on a highly bent shaft.")
 STRESS_SENTENCE = "'When the system works with axisimmetry, there are fluctuating stresses acting on the shaft.'"
 STRESS_CRITERION = ("in a fibre that turns with the shaft, the bending stress at 0 % (an axisymmetric machine) "
                     "fluctuates by at least a tenth of what it does at 8.8 %")

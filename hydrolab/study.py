@@ -15,8 +15,8 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from hydrolab.dynamics.continuation import Arclength, follow, orbits_at
-from hydrolab.dynamics.harmonic_balance import HarmonicBalance, sweep
+from hydrolab.dynamics.continuation import Arclength, follow, orbits_at, sweep
+from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.integrators import CentralDifference, integrate
 from hydrolab.dynamics.reduction import truncation_error
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory

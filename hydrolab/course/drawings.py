@@ -32,7 +32,7 @@ def _arc(axes: Axes, radius: float, start: float, end: float, colour: str) -> No
 @house_style()
 def conventions_picture(machine: Machine) -> Picture:
     """The machine from the side with y pointing down, and the plane across it from above with angle and spin."""
-    figure = new_figure(12, 7)
+    figure = new_figure(12, 6)
     side, above = figure.subplots(1, 2)
     _draw_side(side, machine)
     _draw_above(above)
@@ -93,7 +93,7 @@ def gap_picture(eccentricity: float) -> Picture:
     The gap is drawn as a third of the rotor's radius.
     """
     gap = 1 / 3
-    figure = new_figure(7.5, 6.5)
+    figure = new_figure(6.6, 5.6)
     axes = figure.subplots()
     stator, centre = 1 + gap, eccentricity * gap
     axes.fill(1.18 * stator * np.sin(TURN), 1.18 * stator * np.cos(TURN), color=COLOURS["stator"], alpha=0.5, linewidth=0)

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import html
+import io
 from collections.abc import Callable
 from typing import Any
 
 import ipywidgets as widgets
+from matplotlib.image import imsave
 
 from hydrolab.show.picture import Picture
-from hydrolab.show.style import CSS_DOTS_PER_INCH
+from hydrolab.show.style import CSS_DOTS_PER_INCH, house_style
 
 
 class Explorer(widgets.VBox):
     """Sliders above a picture and its reading.
 
-    view: from the sliders' values, by name, to a `Picture`. It may hand out one kept figure again and again.
-    Without a kernel, as in a stored notebook, the first picture stands in its place.
+    view: from the sliders' values, by name, to a `Picture`. One kept figure whose lines it moves is quickest: the
+    margins stay as they were for the first picture. Without a kernel, as in a stored notebook, that one is shown.
     """
 
     def __init__(self, view: Callable[..., Picture], **sliders: Any) -> None:
@@ -25,20 +27,33 @@ class Explorer(widgets.VBox):
             slider.style.description_width = "10em"
             slider.layout.width = "min(44em, 98%)"
             slider.observe(self._show, "value")
-        self.image = widgets.Image(format="png")
+        first = self.picture()
+        self._stored = first._repr_mimebundle_()
+        first.figure.set_layout_engine("none")  # half the time of a new picture goes into margins
+        width = f"{round(first.figure.get_figwidth() * CSS_DOTS_PER_INCH)}px"
+        self.image = widgets.Image(format="png", layout={"width": width, "max_width": "98%", "object_fit": "contain"})
         self.words = widgets.HTML()
-        self._first = self._show()
-        self.image.layout.width = f"{round(self._first.figure.get_figwidth() * CSS_DOTS_PER_INCH)}px"
-        self.image.layout.max_width = "98%"
-        self.image.layout.object_fit = "contain"
-        self._stored = self._first._repr_mimebundle_()  # now, while the kept figure shows it
+        self._show()
         super().__init__([*sliders.values(), self.image, self.words])
 
-    def _show(self, change: Any = None) -> Picture:
-        picture = self.view(**{name: slider.value for name, slider in self.sliders.items()})
-        self.image.value = picture.png()
+    def picture(self) -> Picture:
+        """What the view shows for the sliders as they stand."""
+        return self.view(**{name: slider.value for name, slider in self.sliders.items()})
+
+    def _show(self, change: Any = None) -> None:
+        picture = self.picture()
+        self.image.value = _quick_png(picture)
         self.words.value = f'<div role="status" style="line-height: 1.5">{html.escape(picture.reading)}</div>'
-        return picture
 
     def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, Any]:
         return super()._repr_mimebundle_(**kwargs) | self._stored
+
+
+@house_style()
+def _quick_png(picture: Picture) -> bytes:
+    """A PNG for now, drawn once (saving draws twice) and hardly compressed."""
+    canvas = picture.figure.canvas
+    canvas.draw()
+    stream = io.BytesIO()
+    imsave(stream, canvas.buffer_rgba(), format="png", pil_kwargs={"compress_level": 1})
+    return stream.getvalue()

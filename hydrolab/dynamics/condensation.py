@@ -10,6 +10,7 @@ Coefficients are stored per coordinate as [mean, sin 1, cos 1, sin 2, cos 2, …
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -84,6 +85,23 @@ class Condensed:
         return residual, self.stiffness - pull.transpose(0, 2, 1, 3).reshape(2 * columns, 2 * columns)
 
 
+def dynamic_stiffness(model: Model, w: float, speed: float) -> NDArray:
+    """Z = K − w² M + iw (C + ΩG), complex, (n, n), at an angular frequency w and a speed Ω, rad/s."""
+    return model.K - w**2 * model.M + 1j * w * model.velocity_matrix(speed)
+
+
+def in_sines(stiffness: NDArray) -> NDArray:
+    """Complex 2 × 2 stiffnesses of the harmonics 0 … m as the real matrix on [mean, sin 1, cos 1, …] of x, then z."""
+    columns = 2 * len(stiffness) - 1
+    real = np.zeros((2, columns, 2, columns))
+    real[:, 0, :, 0] = stiffness[0].real
+    for k in range(1, len(stiffness)):
+        s, c = 2 * k - 1, 2 * k
+        real[:, s, :, s] = real[:, c, :, c] = stiffness[k].real
+        real[:, c, :, s], real[:, s, :, c] = stiffness[k].imag, -stiffness[k].imag
+    return real.reshape(2 * columns, 2 * columns)
+
+
 @lru_cache(maxsize=64)
 def condense(model: Model, speed: float, harmonics: int, samples: int) -> Condensed:
     """Eliminate the linear DOFs of a model at one speed; cached, since a branch asks again and again.
@@ -97,7 +115,7 @@ def condense(model: Model, speed: float, harmonics: int, samples: int) -> Conden
     stiffness = np.empty((harmonics + 1, 2, 2), dtype=complex)
     for k in range(harmonics + 1):
         w = k * speed
-        dynamic = model.K - w**2 * model.M + 1j * w * model.velocity_matrix(speed)
+        dynamic = dynamic_stiffness(model, w, speed)
         loads = np.zeros((n, 3), dtype=complex)
         loads[:, :2] = model.selection.T
         if k == 1:
@@ -112,12 +130,6 @@ def condense(model: Model, speed: float, harmonics: int, samples: int) -> Conden
         amplitudes[k] = answer[:, 2]
 
     columns = 2 * harmonics + 1
-    real = np.zeros((2, columns, 2, columns))
-    real[:, 0, :, 0] = stiffness[0].real
-    for k in range(1, harmonics + 1):
-        s, c = 2 * k - 1, 2 * k
-        real[:, s, :, s] = real[:, c, :, c] = stiffness[k].real
-        real[:, c, :, s], real[:, s, :, c] = stiffness[k].imag, -stiffness[k].imag
     rows = fourier_rows(harmonics, 2 * np.pi * np.arange(samples) / samples)
     weights = np.full(columns, 2 / samples)
     weights[0] = 1 / samples
@@ -126,9 +138,26 @@ def condense(model: Model, speed: float, harmonics: int, samples: int) -> Conden
     synthesis = length * rows
     return Condensed(
         model, speed, harmonics, samples, length, force,
-        stiffness=real.reshape(2 * columns, 2 * columns) * (length / force),
+        stiffness=in_sines(stiffness) * (length / force),
         linear=from_complex((amplitudes @ model.selection.T).T) / length,
         synthesis=synthesis, analysis=analysis,
         products=np.einsum("nk,ln->nkl", analysis, synthesis).reshape(samples, -1),
         recovery=recovery, shaft_linear=amplitudes,
     )
+
+
+def condensed_slope(eq: Condensed, dynamic: Sequence[NDArray], load: NDArray) -> tuple[NDArray, NDArray]:
+    """Derivatives of `stiffness` and `linear` when each Z_k changes by `dynamic[k]` and the 1X load by `load`.
+
+    From D = (S Z⁻¹ Sᵀ)⁻¹ follows D' = (D S Z⁻¹) Z' (Z⁻¹ Sᵀ D), and from Z q = F, q' = Z⁻¹ (F' − Z' q).
+    dynamic: one complex (n, n) matrix for each harmonic 0 … m. load: complex, (n,).
+    """
+    model, speed = eq.model, eq.speed
+    stiffness = np.empty((eq.harmonics + 1, 2, 2), dtype=complex)
+    linear = np.zeros((eq.harmonics + 1, 2), dtype=complex)
+    for k in range(eq.harmonics + 1):
+        answer = np.linalg.solve(dynamic_stiffness(model, k * speed, speed).T, model.selection.T.astype(complex)).T
+        stiffness[k] = np.linalg.inv(answer @ model.selection.T) @ answer @ dynamic[k] @ eq.recovery[k]
+        if k == 1:
+            linear[k] = answer @ (load - dynamic[k] @ eq.shaft_linear[k])
+    return in_sines(stiffness) * (eq.length / eq.force), from_complex(linear.T) / eq.length

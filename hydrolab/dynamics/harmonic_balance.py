@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.dynamics.condensation import Condensed, condense
-from hydrolab.dynamics.results import Branch, PeriodicOrbit
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.solvers import Solution, newton
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
@@ -31,17 +31,20 @@ class HarmonicBalance:
     def __post_init__(self) -> None:
         if isinstance(self.harmonics, bool) or not isinstance(self.harmonics, int) or not 1 <= self.harmonics <= 64:
             raise BadInput(f"harmonics is {self.harmonics!r}; it must be a whole number from 1 to 64.")
-        if self.samples is None:
-            object.__setattr__(self, "samples", max(64, 16 * self.harmonics))
-        if not isinstance(self.samples, int) or self.samples < 2 * self.harmonics + 2:
+        if not isinstance(self.aft_samples, int) or self.aft_samples < 2 * self.harmonics + 2:
             raise BadInput(f"samples is {self.samples!r}; {self.harmonics} harmonics need at least "
                            f"{2 * self.harmonics + 2}, and several times that for a pull without aliasing.")
+
+    @property
+    def aft_samples(self) -> int:
+        """Time samples in a period: as given, or 16 a harmonic and at least 64."""
+        return max(64, 16 * self.harmonics) if self.samples is None else self.samples
 
     def equations(self, model: Model, speed: float) -> Condensed:
         """The condensed equations of a model at a speed (rad/s)."""
         if not (math.isfinite(speed) and speed > 0):
             raise BadInput(f"speed is {speed!r}; it must be a positive number in rad/s (use rpm(150) for 150 rpm).")
-        return condense(model, float(speed), self.harmonics, self.samples)
+        return condense(model, float(speed), self.harmonics, self.aft_samples)
 
     def solve(self, model: Model, speed: float, static_eccentricity: float = 0.0, *,
               direction: float = math.pi / 2, start: PeriodicOrbit | None = None) -> PeriodicOrbit:
@@ -55,9 +58,9 @@ class HarmonicBalance:
         eq = self.equations(model, speed)
         centre = model.centre(static_eccentricity, direction)
         if start is not None:
-            solution = self._solve(eq, centre, first_guess(eq, start))
+            solution = self.from_guess(eq, centre, first_guess(eq, start))
         else:
-            solution = self._solve(eq, centre, eq.linear.ravel())
+            solution = self.from_guess(eq, centre, eq.linear.ravel())
             if not solution.converged:
                 solution = self._walk(eq, centre)
         if not solution.converged:
@@ -66,7 +69,8 @@ class HarmonicBalance:
         orbit.require_clear()
         return orbit
 
-    def _solve(self, eq: Condensed, centre: NDArray, y: NDArray) -> Solution:
+    def from_guess(self, eq: Condensed, centre: NDArray, y: NDArray) -> Solution:
+        """Run the solver on condensed equations from unknowns y; the stator is at `centre` (m)."""
         return self.solver(lambda y: eq.linearise(y, centre), y)
 
     def _walk(self, eq: Condensed, centre: NDArray, steps: int = 20) -> Solution:
@@ -74,12 +78,12 @@ class HarmonicBalance:
         y = eq.linear.ravel()
         for ratio in np.linspace(0, 1, steps + 1)[1:]:
             weak = replace(eq, model=eq.model.with_field(ratio))  # the linear machine does not change
-            solution = self._solve(weak, 0 * centre, y)
+            solution = self.from_guess(weak, 0 * centre, y)
             if not solution.converged:
                 return solution
             y = solution.y
         for ratio in np.linspace(0, 1, steps + 1)[1:]:
-            solution = self._solve(eq, ratio * centre, solution.y)
+            solution = self.from_guess(eq, ratio * centre, solution.y)
             if not solution.converged:
                 return solution
         return solution
@@ -107,37 +111,3 @@ def orbit_from(eq: Condensed, eccentricity: float, centre: NDArray, solution: So
     """The orbit of a solution."""
     return PeriodicOrbit(eq, float(eccentricity), centre, eq.length * solution.y.reshape(2, -1),
                          float(np.abs(solution.residual).max() * eq.force))
-
-
-def sweep(model: Model, method: HarmonicBalance, static_eccentricities: Iterable[float], *, speed: float,
-          direction: float = math.pi / 2) -> Branch:
-    """Natural continuation (Villa et al., section 5): each steady state starts from the last one.
-
-    Ends with the first eccentricity at which the solver stops or the rotor touches; `stopped` says so in words.
-    Raises NoConvergence or Contact if there is not even the first.
-    """
-    values = [float(v) for v in static_eccentricities]
-    if not values:
-        raise BadInput("static_eccentricities is empty; give at least one fraction of the gap.")
-    orbit = method.solve(model, speed, values[0], direction=direction)
-    eq, done, rows, left = orbit.equations, values[:1], [orbit.coefficients.ravel() / orbit.equations.length], [
-        orbit.residual]
-    stopped = f"It ends as asked at {100 * values[-1]:.4g} %."
-    for value in values[1:]:
-        guess = rows[-1]
-        solution = method._solve(eq, model.centre(value, direction), guess)
-        if not solution.converged:
-            stopped = (f"Natural continuation stopped between {100 * done[-1]:.4g} % and {100 * value:.4g} %; "
-                       "`follow` tells whether the branch turns there.")
-            break
-        done.append(value)
-        rows.append(solution.y)
-        left.append(float(np.abs(solution.residual).max() * eq.force))
-    unit = np.array([math.sin(direction), math.cos(direction)])
-    branch = Branch(eq, unit, np.array(done), np.array(rows), np.array(left), (), stopped, method)
-    touching = np.flatnonzero(branch.smallest_gaps <= 0)
-    if len(touching):
-        clear = touching[0]
-        branch = Branch(eq, unit, branch.static_eccentricity[:clear], branch.unknowns[:clear], branch.residuals[:clear],
-                        (), f"The rotor touches the stator at {100 * done[clear]:.4g} %.", method)
-    return branch

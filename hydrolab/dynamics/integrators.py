@@ -303,7 +303,8 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
     phase 0), or a trajectory of the same model and basis to go on from. disturbance: a sideways displacement (x, z)
     of the generator, m, added to the start in the shape of the static deflection. progress: called after each
     revolution with (done, all).
-    Ends early at contact or at an interrupt (Ctrl-C); what was computed is kept and `stopped` says what happened.
+    Ends early at contact, where a step has no solution, or at an interrupt (Ctrl-C); what was computed is kept and
+    `stopped` says what happened.
     Raises BadInput for arguments outside what is allowed, among them a step beyond the stability limit.
     """
     if not (math.isfinite(speed) and speed > 0):
@@ -339,6 +340,8 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
                     progress(len(blocks) - 1, revolutions)
     except KeyboardInterrupt:
         stopped = f"Interrupted after {len(blocks) - 1} of {revolutions} revolutions; these are kept."
+    except NoConvergence as failure:
+        stopped = str(failure)
     finished = stopped is None
     times, paths, states = zip(*blocks, strict=True)
     return Trajectory(small, float(speed), float(static_eccentricity), centre, np.concatenate(times),

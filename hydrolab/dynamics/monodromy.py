@@ -28,12 +28,15 @@ def strang_product(system: Split, coefficients: NDArray, centre: NDArray, steps:
     flow, half = flows(system, steps)
     pushed = flow @ system.push
     product = np.tile(half, (1, points))  # states × (points · columns): one matrix product moves all
-    for step in range(steps):
+
+    def kicks(step: int) -> NDArray:
         seen = (system.watch @ product).reshape(2, points, n)
-        kick = np.einsum("ijp,jpc->ipc", slope[..., step], seen).reshape(2, -1)
-        product = flow @ product + pushed @ kick
-    product = (np.linalg.inv(half) @ product).reshape(n, points, n)
-    return product.transpose(1, 0, 2)
+        return np.einsum("ijp,jpc->ipc", slope[..., step], seen).reshape(2, -1)
+
+    for step in range(steps - 1):
+        product = flow @ product + pushed @ kicks(step)
+    product = half @ (product + system.push @ kicks(steps - 1))
+    return product.reshape(n, points, n).transpose(1, 0, 2)
 
 
 def multipliers(system: Split, coefficients: NDArray, centre: NDArray, steps: int) -> tuple[NDArray, NDArray]:

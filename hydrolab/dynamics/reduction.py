@@ -49,7 +49,8 @@ def reduce(model: Model, modes: int = 12) -> Model:
 
     return replace(model, M=project(model.M), C=project(model.C), G=project(model.G), K=project(model.K),
                    unbalance_sin=basis.T @ model.unbalance_sin, unbalance_cos=basis.T @ model.unbalance_cos,
-                   selection=model.selection @ basis, shaft_map=model.shaft_map @ basis)
+                   selection=model.selection @ basis, shaft_map=model.shaft_map @ basis,
+                   supports={name: rows @ basis for name, rows in model.supports.items()})
 
 
 def truncation_error(model: Model, reduced: Model, speed: float, harmonics: int = 4) -> float:

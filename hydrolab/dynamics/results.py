@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from numpy.typing import NDArray
 from hydrolab.dynamics.condensation import Condensed, fourier_rows, from_complex, to_complex
 from hydrolab.errors import Contact
 from hydrolab.machine.model import Model
+
+if TYPE_CHECKING:
+    from hydrolab.dynamics.parameters import Path
 
 PERIOD = 2 * np.pi * np.arange(360) / 360  # phases at which an orbit's smallest gap is looked for
 
@@ -119,49 +123,84 @@ class PeriodicOrbit:
                 f"(µm, 0-to-peak) {shares}; {gap}residual {self.residual:.1e} N.")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SpecialPoint:
-    """A located point of a branch: its kind, the parameter's value there, and after which row it lies."""
+    """A located point of a branch: its kind, the parameter's value there, and after which row it lies.
+
+    unknowns: Y/length there. said: the value in words, with its unit.
+    """
 
     kind: str
     value: float
     after: int
     unknowns: NDArray
+    said: str = ""
 
     def __str__(self) -> str:
-        return f"{self.kind} at {100 * self.value:.6f} %"
+        return f"{self.kind} at {self.said or f'{self.value:.6g}'}"
 
 
 @dataclass(frozen=True, eq=False)
 class Branch:
     """Steady states in the order in which they were followed.
 
-    static_eccentricity: shape (points,). unknowns: Y/length of each point, (points, 2(2m + 1)).
-    residuals: N. special_points: folds, located. stopped: why it ends, in words. method: how it was made.
+    path: the parameter followed, and the equations at any of its values. values: of the parameter, shape (points,).
+    unknowns: Y/length of each point, (points, 2(2m + 1)). residuals: N. special_points: folds, located. stopped: why
+    it ends, in words. method: how it was made. closed: whether the last point is back at the first.
     """
 
-    equations: Condensed
-    direction: NDArray
-    static_eccentricity: NDArray
+    path: Path
+    values: NDArray
     unknowns: NDArray
     residuals: NDArray
     special_points: tuple[SpecialPoint, ...]
     stopped: str
     method: object
+    closed: bool = False
 
     def __len__(self) -> int:
-        return len(self.static_eccentricity)
+        return len(self.values)
 
     def __getitem__(self, index: int) -> PeriodicOrbit:
-        return self._orbit(float(self.static_eccentricity[index]), self.unknowns[index], float(self.residuals[index]))
+        return self.orbit(float(self.values[index]), self.unknowns[index], float(self.residuals[index]))
 
     def __iter__(self) -> Iterator[PeriodicOrbit]:
         return (self[i] for i in range(len(self)))
 
-    def _orbit(self, eccentricity: float, unknowns: NDArray, residual: float) -> PeriodicOrbit:
-        eq = self.equations
-        return PeriodicOrbit(eq, eccentricity, eccentricity * eq.model.gap * self.direction,
-                             eq.length * unknowns.reshape(2, -1), residual)
+    def orbit(self, value: float, unknowns: NDArray, residual: float) -> PeriodicOrbit:
+        """The orbit with these unknowns at a value of the parameter."""
+        problem = self.path.at(value)
+        eq = problem.equations
+        return PeriodicOrbit(eq, problem.static_eccentricity, problem.centre, eq.length * unknowns.reshape(2, -1),
+                             residual)
+
+    @property
+    def parameter(self) -> str:
+        """Name of the parameter followed."""
+        return self.path.parameter
+
+    @cached_property
+    def equations(self) -> Condensed:
+        """The condensed equations at the first point (at every point, if the parameter only moves the stator)."""
+        return self.path.at(float(self.values[0])).equations
+
+    @cached_property
+    def direction(self) -> NDArray:
+        """Unit vector (x, z) of the stator's offset at the first point."""
+        angle = self.path.at(float(self.values[0])).direction
+        return np.array([math.sin(angle), math.cos(angle)])
+
+    @cached_property
+    def static_eccentricity(self) -> NDArray:
+        """Static eccentricity of each point, fraction of the gap, shape (points,)."""
+        if self.parameter == "static_eccentricity":
+            return self.values
+        return np.full(len(self), self.path.at(float(self.values[0])).static_eccentricity)
+
+    @cached_property
+    def centres(self) -> NDArray:
+        """Stator centre at each point, m, shape (points, 2)."""
+        return np.array([self.path.at(float(value)).centre for value in self.values])
 
     @property
     def folds(self) -> tuple[SpecialPoint, ...]:
@@ -171,9 +210,10 @@ class Branch:
     def at_fold(self, number: int = 0) -> PeriodicOrbit:
         """The steady state at a fold (0 is the first)."""
         fold = self.folds[number]
-        centre = fold.value * self.equations.model.gap * self.direction
-        residual = np.abs(self.equations.residual(fold.unknowns, centre)).max() * self.equations.force
-        return self._orbit(fold.value, fold.unknowns, float(residual))
+        problem = self.path.at(fold.value)
+        eq = problem.equations
+        return self.orbit(fold.value, fold.unknowns,
+                          float(np.abs(eq.residual(fold.unknowns, problem.centre)).max() * eq.force))
 
     @property
     def first_leg(self) -> slice:
@@ -188,11 +228,8 @@ class Branch:
     @cached_property
     def smallest_gaps(self) -> NDArray:
         """Smallest air gap over the period and the circumference at every point, m, shape (points,)."""
-        eq = self.equations
-        gap = eq.model.gap if math.isfinite(eq.model.gap) else 0.0
-        centre = gap * self.static_eccentricity[:, None] * self.direction
-        positions = self.coefficients @ fourier_rows(eq.harmonics, PERIOD) - centre[:, :, None]
-        return eq.model.law.smallest_gap(positions.transpose(1, 0, 2)).min(axis=-1)
+        positions = self.coefficients @ fourier_rows(self.equations.harmonics, PERIOD) - self.centres[:, :, None]
+        return self.equations.model.law.smallest_gap(positions.transpose(1, 0, 2)).min(axis=-1)
 
     @cached_property
     def amplitudes(self) -> NDArray:
@@ -200,10 +237,10 @@ class Branch:
         return np.hypot(self.coefficients[..., 1::2], self.coefficients[..., 2::2])
 
     def __str__(self) -> str:
-        folds = ", ".join(f"{100 * f.value:.4f} %" for f in self.folds) or "none"
-        return (f"Branch of {self.equations.model.name}, {len(self)} points from "
-                f"{100 * self.static_eccentricity[0]:.4g} % to {100 * self.static_eccentricity[-1]:.4g} %; "
-                f"folds: {folds}. {self.stopped}")
+        say = self.path.say
+        folds = ", ".join(say(f.value, 5) for f in self.folds) or "none"
+        return (f"Branch of {self.equations.model.name} along {self.parameter}, {len(self)} points from "
+                f"{say(self.values[0])} to {say(self.values[-1])}; folds: {folds}. {self.stopped}")
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,13 +15,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from hydrolab.dynamics.arclength import correct
 from hydrolab.dynamics.batch import Outcome, newton_batch, stack
 from hydrolab.dynamics.condensation import condense
-from hydrolab.dynamics.continuation import correct, eccentricity_system, orbits_at
+from hydrolab.dynamics.continuation import orbits_at
 from hydrolab.dynamics.monodromy import multipliers
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
+from hydrolab.dynamics.solvers import newton
 from hydrolab.dynamics.splitting import split
 from hydrolab.errors import BadInput
+from hydrolab.machine.forces import CircularPull
 
 TRUST = 1e-3  # relative change of the leading multipliers that a guard may show
 MODES, STEPS = 6, 32
@@ -65,7 +68,7 @@ def floquet(orbit: PeriodicOrbit, modes: int = MODES, steps: int = STEPS) -> Flo
 
 def floquet_all(orbits: Sequence[PeriodicOrbit], modes: int = MODES, steps: int = STEPS, *,
                 guard: bool = True) -> list[Floquet]:
-    """Floquet multipliers of many orbits of one model at one speed, together.
+    """Floquet multipliers of many orbits; those of one model at one speed are computed together.
 
     guard: also compare with the orbits at twice the harmonics, and look again where in doubt. Without it only the two
     step sizes are compared, which is what a moving slider has time for.
@@ -76,6 +79,8 @@ def floquet_all(orbits: Sequence[PeriodicOrbit], modes: int = MODES, steps: int 
     if not orbits:
         return []
     eq = orbits[0].equations
+    if any(o.equations is not eq for o in orbits):
+        return [floquet_all([o], modes, steps, guard=guard)[0] for o in orbits]
     coefficients = np.stack([o.coefficients for o in orbits])
     centres = np.stack([o.centre for o in orbits])
     system = split(eq.model, eq.speed, modes)
@@ -90,7 +95,8 @@ def floquet_all(orbits: Sequence[PeriodicOrbit], modes: int = MODES, steps: int 
             doubt = np.flatnonzero(~clear(values, error))
             if not len(doubt):
                 break
-            values_again, error_again = _again(eq, coefficients[doubt], centres[doubt], more_modes, more_steps, factor)
+            values_again, error_again = _again(eq, coefficients[doubt], centres[doubt], max(modes, more_modes),
+                                               max(steps, more_steps), factor)
             width = values_again.shape[1]
             if width > values.shape[1]:
                 values = np.pad(values, ((0, 0), (0, width - values.shape[1])))
@@ -115,10 +121,15 @@ def _with_harmonics(eq, coefficients: NDArray, centres: NDArray, factor: int) ->
     richer = condense(eq.model, eq.speed, factor * eq.harmonics, factor * eq.samples)
     start = np.zeros((len(coefficients), 2, 2 * richer.harmonics + 1))
     start[:, :, :coefficients.shape[2]] = coefficients / richer.length
-    batch = stack([richer]).take(np.zeros(len(coefficients), dtype=int))
-    y, outcome = newton_batch(batch, start.reshape(len(start), -1), centres)
-    near = np.abs(y - start.reshape(len(start), -1)).max(axis=1) < 0.05  # not another orbit
-    return richer.length * y.reshape(start.shape), (outcome == Outcome.CONVERGED) & near
+    start = start.reshape(len(start), -1)
+    if type(eq.model.law) is CircularPull:
+        y, outcome = newton_batch(stack([richer]).take(np.zeros(len(start), dtype=int)), start, centres)
+        found = outcome == Outcome.CONVERGED
+    else:
+        solutions = [newton(lambda y, c=c: richer.linearise(y, c), s) for s, c in zip(start, centres, strict=True)]
+        y, found = np.array([s.y for s in solutions]), np.array([s.converged for s in solutions])
+    near = np.abs(y - start).max(axis=1) < 0.05  # not another orbit
+    return richer.length * y.reshape(len(y), 2, -1), found & near
 
 
 def _again(eq, coefficients: NDArray, centres: NDArray, modes: int, steps: int,
@@ -192,38 +203,34 @@ def outside(point: Floquet) -> int:
 
 def _locate(branch: Branch, i: int, a: Floquet, b: Floquet, modes: int, steps: int) -> SpecialPoint | None:
     """Where between rows i and i + 1 a multiplier crosses the unit circle; None at a fold."""
-    eq = branch.equations
-    unit = eq.model.gap * branch.direction
-    low, high = (np.append(branch.unknowns[j], branch.static_eccentricity[j]) for j in (i, i + 1))
-    here, count = (low + high) / 2, outside(a)
+    scale = branch.path.scale
+    low, high = (np.append(branch.unknowns[j], branch.values[j] / scale) for j in (i, i + 1))
+    count = outside(a)
     found = None
     for _ in range(24):
         here = (low + high) / 2
-        orbit = _on_branch(branch, here, high - low)
-        if orbit is None:
+        along = high - low
+        step = correct(branch.path.system(), here, along / np.linalg.norm(along))
+        if step is None:
             return None
-        values, _ = multipliers(split(eq.model, eq.speed, modes), orbit[:-1].reshape(1, 2, -1) * eq.length,
-                                (orbit[-1] * unit)[None], steps)
-        found = orbit, values[0]
-        if int(np.sum(np.abs(values[0]) > 1)) == count:
-            low = orbit
+        problem = branch.path.at(step.parameter * scale)
+        eq = problem.equations
+        values, _ = multipliers(split(eq.model, eq.speed, modes), step.y.reshape(1, 2, -1) * eq.length,
+                                problem.centre[None], steps)
+        found, here = values[0], np.append(step.y, step.parameter)
+        if int(np.sum(np.abs(found) > 1)) == count:
+            low = here
         else:
-            high = orbit
+            high = here
         if np.abs(high - low).max() < 1e-9:
             break
-    point, values = found
-    mu = values[np.argmin(np.abs(np.abs(values) - 1))]
+    mu = found[np.argmin(np.abs(np.abs(found) - 1))]
     if abs(mu - 1) < 1e-2 and abs(mu.imag) < 1e-6:
         return None
     kind = "flip" if mu.real < 0 and abs(mu.imag) < 1e-6 else (
         f"Neimark–Sacker, {math.degrees(abs(np.angle(mu))):.1f}° a revolution,")
-    return SpecialPoint(kind, float(point[-1]), i, point[:-1])
-
-
-def _on_branch(branch: Branch, guess: NDArray, along: NDArray) -> NDArray | None:
-    """The point of the branch in the plane through `guess` normal to `along`."""
-    step = correct(eccentricity_system(branch.equations, branch.direction), guess, along / np.linalg.norm(along))
-    return None if step is None else np.append(step.y, step.parameter)
+    value = float(here[-1]) * scale
+    return SpecialPoint(kind, value, i, here[:-1], branch.path.say(value, 8))
 
 
 def stable_orbits_at(branch: Branch, static_eccentricity: float) -> list[PeriodicOrbit]:

@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hydrolab.dynamics.arclength import Step, locate_fold
 from hydrolab.dynamics.batch import Batch, stack
-from hydrolab.dynamics.continuation import Step, eccentricity_system, follow, locate_fold
+from hydrolab.dynamics.continuation import follow
+from hydrolab.dynamics.parameters import path
 from hydrolab.dynamics.results import Branch, SpecialPoint
+from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
 
+MOVED = "It was moved along with the model from a branch followed before."
 STRETCH = 3.0  # neighbouring points may come closer or move apart by this factor
 
 
@@ -18,10 +22,14 @@ def update_branch(branch: Branch, model: Model, speed: float | None = None) -> B
 
     Every point is corrected within the plane normal to the old branch, the first one at its own eccentricity, and
     the folds are located anew. Where the branch changes its topology, or a point is lost, it is followed from scratch.
-    Raises what `follow` raises where there is no first steady state.
+    Raises BadInput for a branch along another parameter, and what `follow` raises where nothing is left to follow.
     """
     speed = branch.equations.speed if speed is None else speed
-    eq = branch.method.balance.equations(model, speed)
+    if branch.parameter != "static_eccentricity":
+        raise BadInput(f"the branch runs along {branch.parameter}; only branches along static_eccentricity can be moved.")
+    balance = branch.method.balance
+    along = path(model, "static_eccentricity", balance, speed, branch.path.first, float(np.arctan2(*branch.direction)))
+    eq = balance.equations(model, speed)
     batch = stack([eq]).take(np.zeros(len(branch), dtype=int))
     old = np.column_stack([branch.unknowns, branch.static_eccentricity])
     corrected = _correct_together(batch, old, _normals(old), branch.direction * model.gap / eq.length,
@@ -32,21 +40,19 @@ def update_branch(branch: Branch, model: Model, speed: float | None = None) -> B
     turns = np.flatnonzero(tangents[:-1, -1] * tangents[1:, -1] < 0)
     if not _same_shape(branch, old, z, tangents, turns):
         return _afresh(branch, model, speed)
-    system = eccentricity_system(eq, branch.direction)
+    system = along.system()
     folds = []
     for i in turns:
         before, after = (Step(z[j, :-1], z[j, -1], tangents[j], residuals[j], 0) for j in (i, i + 1))
         fold = locate_fold(system, before, after)
-        folds.append(SpecialPoint("fold", fold.parameter, int(i), fold.y))
-    return Branch(eq, branch.direction, z[:, -1], z[:, :-1], residuals * eq.force, tuple(folds),
-                  "It was moved along with the model. " + branch.stopped.removeprefix("It was moved along with the model. "),
-                  branch.method)
+        folds.append(SpecialPoint("fold", fold.parameter, int(i), fold.y, along.say(fold.parameter, 8)))
+    return Branch(along, z[:, -1], z[:, :-1], residuals * eq.force, tuple(folds), MOVED, branch.method)
 
 
 def _afresh(branch: Branch, model: Model, speed: float) -> Branch:
-    direction = float(np.arctan2(*branch.direction))
-    return follow(model, speed=speed, to=float(np.sign(branch.static_eccentricity[1])) * 0.5, method=branch.method,
-                  direction=direction)
+    first = branch.path.first
+    return follow(model, speed=speed, to=float(np.copysign(0.5, branch.values[1] - first)), method=branch.method,
+                  static_eccentricity=first, direction=float(np.arctan2(*branch.direction)))
 
 
 def _normals(z: NDArray) -> NDArray:

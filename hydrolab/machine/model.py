@@ -7,7 +7,8 @@ M q̈ + (C + Ω G) q̇ + K q = Ω² (F₁ sin Ωt + F₂ cos Ωt) + Sᵀ F_NL(S 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ class Model:
     law: the pull on those coordinates. gap: nominal air gap, m (inf if there is none).
     depths: y of each node, m. shaft_map: maps q to the nodes' DOFs, shape (nodes · DOFs per node, n).
     rayleigh: the coefficients (α, β) of C = αM + βK, 0 where there is no such damping.
+    supports: for each isotropic radial bearing, the rows that pick its (x, z) from q, shape (2, n);
+    support_stiffness: its stiffness, N/m.
     """
 
     name: str
@@ -46,6 +49,8 @@ class Model:
     depths: NDArray
     shaft_map: NDArray
     rayleigh: tuple[float, float] = (0.0, 0.0)
+    supports: Mapping[str, NDArray] = field(default_factory=dict)
+    support_stiffness: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -111,6 +116,8 @@ def assemble(machine: Machine) -> Model:
     M, C, G, K = (np.zeros((n, n)) for _ in range(4))
     unbalance_sin, unbalance_cos = np.zeros(n), np.zeros(n)
     selection = np.eye(2, n)
+    supports: dict[str, NDArray] = {}
+    support_stiffness: dict[str, float] = {}
 
     def dofs(node: int) -> slice:
         return slice(per_node * node, per_node * (node + 1))
@@ -140,6 +147,9 @@ def assemble(machine: Machine) -> Model:
         xz = slice(per_node * bearing.node, per_node * bearing.node + 2)
         K[xz, xz] += bearing.stiffness
         C[xz, xz] += bearing.damping
+        if np.array_equal(bearing.stiffness, bearing.stiffness[0, 0] * np.eye(2)):
+            supports[bearing.name] = np.eye(n)[xz]
+            support_stiffness[bearing.name] = float(bearing.stiffness[0, 0])
     for bearing in machine.thrust_bearings:
         tilt = slice(4 * bearing.node + 2, 4 * bearing.node + 4)
         K[tilt, tilt] += bearing.tilt_stiffness * np.eye(2)
@@ -150,4 +160,4 @@ def assemble(machine: Machine) -> Model:
     law = CircularPull(machine.air_gap.pull_stiffness if machine.air_gap else 0.0, gap)
     depths = machine.shaft.nodes if machine.shaft else np.zeros(1)
     return Model(machine.name, M, C, G, K, unbalance_sin, unbalance_cos, selection, law, gap,
-                 depths, np.eye(n), rayleigh)
+                 depths, np.eye(n), rayleigh, supports, support_stiffness)

@@ -238,7 +238,9 @@ def test_options_are_checked(options, words):
 
 
 def test_arguments_are_checked(peer, unit, speed):
-    with pytest.raises(BadInput, match="static_eccentricity"):
+    with pytest.raises(BadInput, match="what can be followed is static_eccentricity, direction"):
+        follow(peer, "colour", speed=speed)
+    with pytest.raises(BadInput, match="to is missing"):
         follow(peer, "field", speed=speed)
     with pytest.raises(BadInput, match=r"12 % is 0\.12"):
         follow(peer, to=12.0, speed=speed)

@@ -9,7 +9,7 @@ import pytest
 
 from hydrolab import CentralDifference, HarmonicBalance, Newmark, RungeKutta, integrate, reduce, truncation_error
 from hydrolab.dynamics.integrators import Task, central_difference_matrices, newmark_matrices
-from hydrolab.errors import BadInput, NoConvergence
+from hydrolab.errors import BadInput
 from hydrolab.machine.forces import CircularPull, LinearPull, ShapedPull
 from hydrolab.machine.model import Model
 from hydrolab.machine.parts import Machine, RadialBearing, RigidBody
@@ -304,8 +304,9 @@ def test_newmark_says_when_a_step_is_too_long(peer, speed):
     class Jump(CircularPull):
         def linearise(self, e):
             return 1e9 * np.where(e[0] > 0, -1.0, 1.0) * np.array([1.0, 0.0]), np.zeros((2, 2))
-    with pytest.raises(NoConvergence, match="Use more steps"):
-        integrate(replace(peer, law=Jump(1.0, peer.gap)), Newmark(16), speed=speed, revolutions=1)
+    run = integrate(replace(peer, law=Jump(1.0, peer.gap)), Newmark(16), speed=speed, revolutions=1)
+    assert not run.finished
+    assert "Use more steps" in run.stopped
 
 
 # ------------------------------------------------------------------ interrupting and going on

@@ -1,0 +1,70 @@
+"""A figure that is drawn again and again: what stands still is drawn once, what moves is drawn over it.
+
+Drawing a whole figure takes ten times as long as drawing the few lines of it that change.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from hydrolab.show.style import CSS_DOTS_PER_INCH, house_style
+
+COMPRESSION = 1  # of the PNG: the quickest; larger files do not leave this computer
+
+
+class KeptFigure:
+    """A figure with its own Agg canvas, and the artists of it that move.
+
+    Change the artists, then ask for `png()`. After changing anything else (limits, ticks, titles) call `redraw()`.
+    """
+
+    def __init__(self, figure: Figure, moving: Iterable[Artist]) -> None:
+        self.figure, self.moving = figure, sorted(moving, key=lambda artist: artist.get_zorder())
+        for artist in self.moving:
+            artist.set_animated(True)  # left out when the still part is drawn, and in when the figure is saved
+        self._still: Any = None
+
+    @property
+    def width(self) -> int:
+        """Width in CSS pixels."""
+        return round(self.figure.get_figwidth() * CSS_DOTS_PER_INCH)
+
+    def redraw(self) -> None:
+        """Forget the still part; it is drawn anew when the next picture is asked for."""
+        self._still = None
+
+    def png(self) -> bytes:
+        """The figure as it is now, as PNG."""
+        canvas = self.figure.canvas
+        if self._still is None:
+            with house_style():
+                canvas.draw()  # also lays the panels out
+            self.figure.set_layout_engine("none")
+            self._still = canvas.copy_from_bbox(self.figure.bbox)
+        renderer = canvas.get_renderer()
+        canvas.restore_region(self._still)
+        for artist in self.moving:
+            artist.draw(renderer)
+        return quick_png(np.asarray(canvas.buffer_rgba()))
+
+
+def quick_png(pixels: NDArray) -> bytes:
+    """A PNG of pixels (height, width, 4) of bytes, without filters: in half the time that a general writer takes."""
+    height, width = pixels.shape[:2]
+    rows = np.zeros((height, 1 + 4 * width), dtype=np.uint8)  # each row begins with its filter, 0
+    rows[:, 1:] = pixels.reshape(height, -1)
+
+    def chunk(kind: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)  # 8 bits, RGBA, the only compression and filter
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows, COMPRESSION))
+            + chunk(b"IEND", b""))
