@@ -9,14 +9,19 @@ one whose stable steady states reach furthest past the first fold, because there
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hydrolab.calibration import Member, calibrate, family_file, load_family, sensitivity
 from hydrolab.claims import judge
+from hydrolab.dynamics.batch import Outcome, newton_batch, stack
+from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.cards import read_card, write_card
 from hydrolab.machine.parts import Entry
@@ -73,6 +78,27 @@ def judge_family(members: Iterable[Member], progress: Callable[[int, int], None]
         except KeyboardInterrupt:
             pool.shutdown(cancel_futures=True)
     return [done[i] for i in sorted(done)]
+
+
+def family_orbits(members: Sequence[Member], static_eccentricity: float, *, harmonics: int = 4,
+                  steps: int = 10) -> tuple[NDArray, NDArray]:
+    """The steady states of all members at one eccentricity as one batch, raised to it in `steps` steps.
+
+    Returns the coefficients of the generator's x and z, m, (members, 2, 2m + 1), nan where a member has none on its
+    first leg, and an `Outcome` for each.
+    """
+    balance = HarmonicBalance(harmonics)
+    machines = [member.machine() for member in members]
+    batch = stack([balance.equations(machine.model(), machine.speed) for machine in machines])
+    y = batch.linear
+    outcome = np.zeros(len(batch), dtype=np.int8)
+    for share in np.linspace(0, 1, steps + 1):
+        centre = share * static_eccentricity * batch.law.gap * [1.0, 0.0]
+        y, now = newton_batch(batch, y, centre)
+        outcome = np.where(outcome == Outcome.CONVERGED, now, outcome)
+    coefficients = batch.length[:, None, None] * y.reshape(len(y), 2, -1)
+    coefficients[outcome != Outcome.CONVERGED] = np.nan
+    return coefficients, outcome
 
 
 def tally(verdicts: Iterable[Verdicts], claim: int) -> dict[str, dict[str, int]]:

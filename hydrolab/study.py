@@ -110,7 +110,12 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
         model, speed = machine.model(), machine.speed
         balance = HarmonicBalance(HARMONICS)
         tell("steady states")(0, 1)
-        branch = follow(model, speed=speed, to=0.5, method=Arclength(balance))
+        begin = balance.solve(model, speed)
+        if floquet_all([begin])[0].verdict != "stable":
+            raise NoConvergence(f"{machine.name} has no stable steady state even without eccentricity: the pull, "
+                                f"{model.law.stiffness:.3g} N/m, is too strong for its bearings and shaft. A lower field or "
+                                "stiffer bearings would give one.")
+        branch = follow(model, speed=speed, to=0.9, start=begin, method=Arclength(balance))
         limit = branch.folds[0].value if branch.folds else float(branch.static_eccentricity[-1])
         if limit < 1e-3:
             raise NoConvergence(f"{machine.name} loses its steady state at {100 * limit:.3g} % of the gap; there is no "

@@ -93,8 +93,9 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float | 
     "field" or "unbalance" (factors on the machine's own), "bearings.<name>.stiffness" (N/m). The branch begins at the
     given speed (rad/s), static eccentricity and direction and at the machine's own field, unbalance and bearings, or
     on `start`, an orbit there.
-    Ends at `to` (half the gap if none is given for the eccentricity), at contact, back at the start value, after `max_folds` folds and a short tail, or after `max_points`;
-    `branch.stopped` says which. Raises BadInput, or NoConvergence where there is no first steady state.
+    Ends at `to` (half the gap if none is given for the eccentricity), at contact, back at the start value, after
+    `max_folds` folds and a short tail, or after `max_points`; `branch.stopped` says which. Raises BadInput, or
+    NoConvergence where there is no first steady state.
     """
     method = method or Arclength()
     if start is not None:

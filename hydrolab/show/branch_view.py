@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.continuation import orbits_at
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.dynamics.stability import branch_stability, floquet_all
+from hydrolab.dynamics.stability import floquet_all
 from hydrolab.dynamics.update import update_branch
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.parts import Machine
@@ -116,39 +117,39 @@ class BranchView:
             cursor.set_xdata([eccentricity, eccentricity])
         with threadpool_limits(1):
             try:
-                self._follow(dict(changes or {}))
-                orbits = orbits_at(self.legs.branch, eccentricity / 100)[:SEVERAL]
-                verdicts = [f.verdict for f in floquet_all(orbits, guard=False)]
+                orbits, verdicts = self._solve(eccentricity / 100, dict(changes or {}))
             except (NoConvergence, Contact, BadInput) as error:
                 self._fade()
                 return f"No branch here; the last one is left in grey. {error}"
+        self._show_branch()
         self._show_orbits(orbits, verdicts)
         folds = self.legs.branch.folds
-        turns = f"folds at {listed(percent(f.value, 4) for f in folds)}" if folds else "has no fold"
+        turns = f"folds at {listed(percent(f.value, 4) for f in folds)} static eccentricity" if folds else "has no fold"
         there = [f"{word} with a smallest gap of {MM * orbit.smallest_gap:.2f} mm"
                  for orbit, word in zip(orbits, verdicts, strict=True)]
         states = (f"{len(there)} steady state{'s' * (len(there) > 1)}: {listed(there)}" if there else "no steady state")
-        return f"The branch {turns} static eccentricity. At {percent(eccentricity / 100)} it has {states}."
+        return f"The branch {turns}. At {percent(eccentricity / 100)} it has {states}."
 
-    def _follow(self, changes: dict[str, float]) -> None:
-        """Move the branch to the changed machine, unless it is there already."""
-        if changes != self._changes:
-            model = vary(self.machine, changes).model()
-            branch = update_branch(self.legs.branch, model, self.machine.speed)
-            self.legs = Legs(branch, branch_stability(branch, guard=False, locate=False).points)
-            self._changes = changes
+    def _solve(self, eccentricity: float, changes: dict[str, float]) -> tuple[list[PeriodicOrbit], list[str]]:
+        """The orbits at one eccentricity and their verdicts; the branch is moved if the machine has changed."""
+        if changes == self._changes:
+            orbits = orbits_at(self.legs.branch, eccentricity)[:SEVERAL]
+            return orbits, [f.verdict for f in floquet_all(orbits, guard=False)]
+        branch = update_branch(self.legs.branch, vary(self.machine, changes).model(), self.machine.speed)
+        orbits = orbits_at(branch, eccentricity)[:SEVERAL]
+        points = floquet_all([*branch, *orbits], guard=False)  # all in one batch
+        self.legs, self._changes = Legs(branch, points[:len(branch)]), changes
+        return orbits, [point.verdict for point in points[len(branch):]]
+
+    def _show_branch(self) -> None:
         self._limits(self.legs)
         for which in (0, 1):
             found = self.legs.lines(self._numbers(which))
             for word in WORDS:
                 self.lines[word][which].set_data(*found.get(word, ([], [])))
                 self.lines[word][which].set_color(COLOURS[word])
-        folds = self.legs.branch.folds
-        length = self.legs.branch.equations.length
-        at = np.array([fold.value for fold in folds])
-        unknowns = np.array([fold.unknowns for fold in folds]).reshape(len(folds), 2, -1) * length
-        for which, marks in enumerate(self.folds):
-            marks.set_data(100 * at, self._numbers(which)(at, unknowns) if len(folds) else [])
+        turns = [self.legs.branch.at_fold(i) for i in range(len(self.legs.branch.folds))]
+        self._mark(self.folds, turns)
 
     def _fade(self) -> None:
         for artist in (*(line for pair in self.lines.values() for line in pair), *self.orbits):
@@ -167,12 +168,17 @@ class BranchView:
             line.set_data(*(MM * orbit.positions(COARSE)))
             line.set(color=COLOURS[word], linestyle=LINES[word], linewidth=3 if word == "stable" else 1.8)
             name.set(text=f"{MM * orbit.smallest_gap:.2f} mm", color=COLOURS[word])
-        at = np.array([orbit.static_eccentricity for orbit in orbits])
-        coefficients = np.array([orbit.coefficients for orbit in orbits])
-        for which, dots in enumerate(self.dots):
-            dots.set_data(100 * at, self._numbers(which)(at, coefficients) if len(orbits) else [])
-        self.stator.set_data(*(MM * orbits[0].centre[:, None])) if orbits else None
+        self._mark(self.dots, orbits)
+        centres = np.array([orbit.centre for orbit in orbits[:1]]).reshape(-1, 2)
+        self.stator.set_data(*(MM * centres.T))
         self.none.set_text("" if orbits else "no steady state here")
+
+    def _mark(self, marks: Sequence[Line2D], orbits: Sequence[PeriodicOrbit]) -> None:
+        """Put the marks of both diagrams on these orbits."""
+        for which, mark in enumerate(marks):
+            number = self._numbers(which)
+            mark.set_data([100 * orbit.static_eccentricity for orbit in orbits],
+                          [number(np.array([o.static_eccentricity]), o.coefficients[None])[0] for o in orbits])
 
 
 def _rows(harmonics: int) -> NDArray:
