@@ -8,12 +8,13 @@ from hydrolab.dynamics.basins import basins
 from hydrolab.dynamics.continuation import Arclength, follow, orbits_at, sweep
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.hysteresis import poincare, sweep_in_time
-from hydrolab.dynamics.integrators import CentralDifference, Newmark, RungeKutta, integrate
+from hydrolab.dynamics.integrators import integrate
 from hydrolab.dynamics.modes import campbell, modes
 from hydrolab.dynamics.orbit_shape import ellipse, self_crossings
 from hydrolab.dynamics.reduction import reduce, truncation_error
 from hydrolab.dynamics.solvers import newton, powell_dog_leg
 from hydrolab.dynamics.stability import branch_stability, floquet, stable_orbits_at
+from hydrolab.dynamics.time_methods import CentralDifference, Newmark, RungeKutta
 from hydrolab.dynamics.update import update_branch
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.cards import card_names, card_text, load_machine

@@ -18,9 +18,8 @@ from hydrolab.dynamics.continuation import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.orbit_shape import ellipse, largest_vibration, self_crossings
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.machine.elements import shaft_element
 from hydrolab.machine.forces import LinearPull
-from hydrolab.machine.parts import Shaft
+from hydrolab.stresses import stress_fluctuation
 from hydrolab.study import Study, recurrence
 
 PHASE = 2 * np.pi * np.arange(360) / 360
@@ -261,28 +260,6 @@ SHAFT_SENTENCE = ("The whole shaft behaves so: 1 % shifts it, 5 % bends it more,
 STRESS_SENTENCE = "'When the system works with axisimmetry, there are fluctuating stresses acting on the shaft.'"
 STRESS_CRITERION = ("in a fibre that turns with the shaft, the bending stress at 0 % (an axisymmetric machine) "
                     "fluctuates by at least a tenth of what it does at 8.8 %")
-
-
-def stress_fluctuation(shaft: Shaft, orbit: PeriodicOrbit) -> float:
-    """Largest 0-to-peak fluctuation over a revolution of the bending stress in a fibre that turns with the shaft, Pa.
-
-    Bending moments are the end moments of the elements, K_e q_e; the fibre is taken at eight angles at each end.
-    """
-    rows = np.concatenate([np.ones((1, 360)), *[[np.sin(k * PHASE), np.cos(k * PHASE)]
-                                                for k in range(1, orbit.harmonics + 1)]])
-    motion = orbit.model.shaft_map @ orbit.shaft @ rows
-    worst = 0.0
-    for i, length in enumerate(np.diff(shaft.nodes)):
-        stiffness = shaft_element(shaft.element, length, shaft.young, shaft.density, shaft.area[i],
-                                  shaft.second_moment[i], shaft.poisson, shaft.shear_coefficient)[2]
-        ends = stiffness @ motion[4 * i:4 * i + 8]
-        for mx, mz in (ends[2:4], ends[6:8]):
-            for fibre in 2 * np.pi * np.arange(8) / 8:
-                # Fibre at angle Ωt + fibre from z towards x; θx bends in the (y, z) plane, −θz in (y, x).
-                stress = (mx * np.cos(PHASE + fibre) - mz * np.sin(PHASE + fibre)) * (
-                    shaft.diameter[i] / 2 / shaft.second_moment[i])
-                worst = max(worst, float(np.ptp(stress)) / 2)
-    return worst
 
 
 CLAIMS: tuple[Callable[[Study], Claim], ...] = (

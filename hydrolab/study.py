@@ -17,11 +17,12 @@ from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.continuation import Arclength, follow, orbits_at, sweep
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
-from hydrolab.dynamics.integrators import CentralDifference, integrate
+from hydrolab.dynamics.integrators import integrate
 from hydrolab.dynamics.reduction import truncation_error
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory
 from hydrolab.dynamics.solvers import powell_dog_leg
 from hydrolab.dynamics.stability import Floquet, branch_stability, floquet_all
+from hydrolab.dynamics.time_methods import CentralDifference
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 from hydrolab.machine.parts import Machine

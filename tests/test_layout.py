@@ -17,6 +17,7 @@ PACKAGE = ROOT / "hydrolab"
 LAYERS = [
     ["hydrolab.errors"],
     ["hydrolab.machine.elements", "hydrolab.machine.forces", "hydrolab.machine.damping"],
+    ["hydrolab.machine.checks"],
     ["hydrolab.machine.parts"],
     ["hydrolab.machine.model", "hydrolab.machine.cards"],
     ["hydrolab.machine"],
