@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from hydrolab.dynamics.arclength import Step, arclength, correct, locate_fold
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
-from hydrolab.dynamics.parameters import Path, path
+from hydrolab.dynamics.parameters import path
+from hydrolab.dynamics.problems import Path
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
 from hydrolab.dynamics.solvers import newton
 from hydrolab.errors import BadInput, NoConvergence

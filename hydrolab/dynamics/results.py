@@ -6,17 +6,14 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.dynamics.condensation import Condensed, fourier_rows, from_complex, to_complex
+from hydrolab.dynamics.problems import Path
 from hydrolab.errors import Contact
 from hydrolab.machine.model import Model
-
-if TYPE_CHECKING:
-    from hydrolab.dynamics.parameters import Path
 
 PERIOD = 2 * np.pi * np.arange(360) / 360  # phases at which an orbit's smallest gap is looked for
 

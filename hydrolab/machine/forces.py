@@ -20,11 +20,20 @@ from numpy.typing import NDArray
 class ForceLaw(Protocol):
     """What a solver asks of a force law."""
 
-    def force(self, e: NDArray) -> NDArray: ...
-    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]: ...
-    def smallest_gap(self, e: NDArray) -> NDArray: ...
-    def gap_angle(self, e: NDArray) -> NDArray: ...
-    def scaled(self, factor: float) -> Self: ...
+    def force(self, e: NDArray) -> NDArray:
+        """Force on the rotor, N; shape of e."""
+
+    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]:
+        """Force, N, and its derivative, N/m, with one more axis in front."""
+
+    def smallest_gap(self, e: NDArray) -> NDArray:
+        """Smallest air gap around the circumference, m."""
+
+    def gap_angle(self, e: NDArray) -> NDArray:
+        """Gap angle of the smallest gap, rad, from z towards x."""
+
+    def scaled(self, factor: float) -> Self:
+        """The same law, `factor` times as strong."""
 
 
 @dataclass(frozen=True)
