@@ -57,8 +57,13 @@ def rank(module: str) -> int:
     return RANK["hydrolab.*"]
 
 
+def is_for_types(node: ast.AST) -> bool:
+    """Tell whether a statement is `if TYPE_CHECKING:`, which never runs."""
+    return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+
+
 def imports(module: str, tree: ast.Module, *, deferred: bool = True) -> set[str]:
-    """Return the hydrolab modules that a module imports; deferred adds those imported inside functions."""
+    """Return the hydrolab modules that a module imports; deferred adds those that importing it does not import."""
     found = set()
     nodes = list(tree.body)
     while nodes:
@@ -73,7 +78,7 @@ def imports(module: str, tree: ast.Module, *, deferred: bool = True) -> set[str]
             for alias in node.names:
                 inner = f"{base}.{alias.name}"
                 found.add(inner if inner in MODULES or (ROOT / inner.replace(".", "/")).is_dir() else base)
-        elif deferred or not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        elif deferred or not (isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) or is_for_types(node)):
             nodes += ast.iter_child_nodes(node)
     return {name for name in found if name.split(".")[0] == "hydrolab"}
 

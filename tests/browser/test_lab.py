@@ -77,7 +77,9 @@ def test_the_first_chapter_runs_in_jupyterlab(lab, tmp_path):
         page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
         assert page.locator(".lm-TabBar-tab.lm-mod-current .lm-TabBar-tabLabel", has_text=chapter).count() == 1
         kernel = "window.jupyterapp.shell.currentWidget.sessionContext?.session?.kernel"
-        page.wait_for_function(f"{kernel}?.status === 'idle'")
+        page.wait_for_function(f"{kernel}?.status === 'idle' || document.querySelector('.jp-Dialog')")
+        asked = page.locator(".jp-Dialog").all_inner_texts()
+        assert not asked, f"JupyterLab asks before it runs anything: {asked}"
         page.evaluate("window.jupyterapp.commands.execute('notebook:run-all-cells')")
         cells = page.evaluate("""() => window.jupyterapp.shell.currentWidget.content.widgets
             .filter(cell => cell.model.type === 'code' && cell.model.sharedModel.getSource().trim())
