@@ -121,6 +121,20 @@ def build(free: Mapping[str, float], bearing_depth: float, unbalance: float, nam
     )
 
 
+def member_of(machine: Machine, reading: str) -> Member:
+    """The member that a machine built by `build` is: its free data read back from its parts."""
+    generator, turbine = machine.body("generator"), machine.body("turbine")
+    total = generator.unbalance + turbine.unbalance
+    free = {"generator_mass": generator.mass,
+            "generator_gyration": math.sqrt(generator.Ip / generator.mass) / ROTOR_RADIUS,
+            "generator_shape": generator.Id / generator.Ip, "turbine_mass": turbine.mass,
+            "turbine_gyration": math.sqrt(turbine.Ip / turbine.mass), "turbine_shape": turbine.Id / turbine.Ip,
+            "turbine_offset": turbine.offset, "thrust_depth": float(machine.shaft.nodes[6]),
+            "turbine_bearing_depth": float(machine.shaft.nodes[11]), "unbalance_share": generator.unbalance / total,
+            "unbalance_phase": turbine.phase - generator.phase}
+    return Member(-1, reading, free, float(machine.shaft.nodes[1]), total, first_fold(machine.model()))
+
+
 def unbalance_scale(model: Model, speed: float, amplitude: float, *, with_field: bool) -> float:
     """Factor on the unbalances that makes the centred orbit a circle of this radius (m); exact.
 
@@ -189,20 +203,38 @@ def draw_family(draws: int = 40, seed: int = 1, progress: Callable[[int, int], N
     return Family(seed, tuple(members), tuple(rejected))
 
 
+@dataclass(frozen=True)
+class Nudge:
+    """A small change of a free datum: a factor and a summand, and both in words."""
+
+    factor: float
+    summand: float
+    said: str
+
+
+STEPS = {
+    "generator_mass": Nudge(1.01, 0, "+1 %"), "turbine_mass": Nudge(1.01, 0, "+1 %"),
+    "generator_shape": Nudge(1.01, 0, "+1 % of Id"), "turbine_shape": Nudge(1.01, 0, "+1 % of Id"),
+    "generator_gyration": Nudge(math.sqrt(1.01), 0, "+1 % of Ip and Id"),
+    "turbine_gyration": Nudge(math.sqrt(1.01), 0, "+1 % of Ip and Id"),
+    "turbine_offset": Nudge(1, 0.01, "+1 cm"), "thrust_depth": Nudge(1, 0.01, "+1 cm"),
+    "turbine_bearing_depth": Nudge(1, 0.01, "+1 cm"), "unbalance_share": Nudge(1, -0.01, "−0.01"),
+    "unbalance_phase": Nudge(1, 0.1, "+0.1 rad"),
+}
+
+
 def sensitivity(member: Member) -> dict[str, float]:
-    """Change of the first fold, in % of the gap, for +1 % of each mass and inertia, +1 cm of each length,
-    −1 % of the whole for the share, +0.1 rad for the phase, with the 200 µm kept (nan: no fold left)."""
+    """Change of the first fold, in % of the gap, for each of `STEPS` and for 1 cm of guide-bearing depth.
+
+    The 200 µm are kept by scaling the unbalances anew.
+    """
     def fold(free: Mapping[str, float], depth: float) -> float:
         return first_fold(with_amplitude(free, depth, member.reading).model())
 
     base = fold(member.free, member.bearing_depth)
-    steps = {"generator_mass": 0.01, "turbine_mass": 0.01, "generator_shape": 0.01, "turbine_shape": 0.01,
-             "generator_gyration": 0.005, "turbine_gyration": 0.005}  # relative; a gyration radius counts twice
-    absolute = {"turbine_offset": 0.01, "thrust_depth": 0.01, "turbine_bearing_depth": 0.01, "unbalance_share": -0.01,
-                "unbalance_phase": 0.1}
     changes = {}
-    for key, value in member.free.items():
-        moved = {**member.free, key: value * (1 + steps[key]) if key in steps else value + absolute[key]}
+    for key, step in STEPS.items():
+        moved = {**member.free, key: member.free[key] * step.factor + step.summand}
         changes[key] = 100 * (fold(moved, member.bearing_depth) - base)
     changes["guide_bearing_depth"] = 100 * (fold(member.free, member.bearing_depth + 0.01) - base)
     return changes

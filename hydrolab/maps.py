@@ -65,7 +65,11 @@ def steady_row(machine: Machine, eccentricities: NDArray, harmonics: int = 4) ->
         values = eccentricities[inside]
         known = np.append(branch.static_eccentricity[leg], fold if branch.folds else [])
         unknowns = np.vstack([branch.unknowns[leg], *([branch.folds[0].unknowns] if branch.folds else [])])
-        start = np.stack([np.interp(values, known, column) for column in unknowns.T], axis=1)
+        if branch.folds:  # near its fold the leg is a straight line in the root of the distance to it
+            known, at = -np.sqrt(np.abs(fold - known)), -np.sqrt(fold - np.abs(values))
+        else:
+            at = np.abs(values)
+        start = np.stack([np.interp(at, known, column) for column in unknowns.T], axis=1)
         centre = values[:, None] * model.gap * branch.direction
         batch = stack([eq]).take(np.zeros(len(values), dtype=int))
         y, outcome = newton_batch(batch, start, centre)
@@ -123,7 +127,9 @@ def steady_map(machine: Machine, x: str, x_values: ArrayLike, y: str, y_values: 
     for name, values in (("x_values", x_values), ("y_values", y_values)):
         if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
             raise BadInput(f"{name} must be a list of finite numbers, at least one.")
-    vary(machine, {y: float(y_values[0])} if x == ECCENTRICITY else {y: float(y_values[0]), x: float(x_values[0])})
+    for key, values in ((x, x_values), (y, y_values)):
+        for value in values if key != ECCENTRICITY else ():
+            vary(machine, {key: float(value)})  # refuse now what a row would refuse later
     shape = (len(y_values), len(x_values))
     data: dict[str, Any] = {name: (("y", "x"), np.full(shape, np.nan), {"units": unit, "long_name": text})
                             for name, (unit, text) in READINGS.items()}

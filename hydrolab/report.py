@@ -141,6 +141,25 @@ def progress_bars(console: Console) -> Iterator[Any]:
         yield tell
 
 
+def sensitivity_table(machine: Machine) -> Table:
+    """The free data of the paper's machine: ranges they were drawn from, this unit's values, and what its fold does."""
+    from hydrolab.calibration import FREE, STEPS, member_of, sensitivity
+    member = member_of(machine, "with field")
+    changes = sensitivity(member)
+    table = Table(title="What the paper does not say, and how the first fold depends on it", title_justify="left",
+                  caption="The 200 µm are kept. A centimetre of guide-bearing depth moves the fold by about 0.3 % of the "
+                          "gap on any unit, so equal elements, with bearings at 0.75 or 1.51 m, do not fit.",
+                  caption_justify="left")
+    for name in ("datum", "drawn from", "this unit", "step", "fold moves, % of the gap"):
+        table.add_column(name, justify="left" if name == "datum" else "right")
+    for key, datum in FREE.items():
+        table.add_row(datum.meaning, f"{datum.low:.6g} to {datum.high:.6g} {datum.unit.removeprefix('1')}".strip(),
+                      f"{member.free[key]:.6g}", STEPS[key].said, f"{changes[key]:+.4f}")
+    table.add_row("depth of the guide bearing", "calibrated, m", f"{member.bearing_depth:.4g}", "+1 cm",
+                  f"{changes['guide_bearing_depth']:+.4f}")
+    return table
+
+
 def judged_family(tell: Any) -> dict[int, Any]:
     """How many members of each kind agree with each claim, by kind of branch."""
     from hydrolab.calibration import load_family
@@ -176,6 +195,8 @@ def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study")
     if counts:
         write(out / "report.json", report(study, claims, counts))
     console.print(claims_table(claims, counts))
+    if counts:
+        console.print(sensitivity_table(machine))
     if study.scale != 1:
         console.print(f"The paper's percentages are stretched by {study.scale:.4g}: on this machine the first fold is at "
                       f"{100 * study.limit:.3f} %, so its 8.8 % stands for {100 * study.eccentricity(8.8):.3f} %.")

@@ -17,6 +17,7 @@ from hydrolab.calibration import (
     draw_family,
     first_fold,
     load_family,
+    member_of,
     sensitivity,
     unbalance_scale,
 )
@@ -113,3 +114,10 @@ def test_the_family_as_one_batch_equals_its_members_one_by_one(family):
         alone = HarmonicBalance().solve(machine.model(), machine.speed, 0.05)
         assert np.abs(coefficients[i] - alone.coefficients).max() < 1e-12
     assert (family_orbits(family.members[:3], 0.2)[1] != Outcome.CONVERGED).all()
+
+
+def test_a_member_can_be_read_back_from_its_machine(family):
+    member = family.members[24]
+    again = member_of(member.machine(), member.reading)
+    assert again.free == pytest.approx(dict(member.free), rel=1e-12)
+    assert (again.bearing_depth, again.unbalance) == pytest.approx((member.bearing_depth, member.unbalance), rel=1e-12)
