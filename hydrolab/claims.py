@@ -139,7 +139,8 @@ def nothing_beyond(study: Study) -> Claim:
         "The branch has no fold")
     loss = study.first_loss
     lost = "stable up to there" if loss is None else f"but is no longer stable from {100 * loss / study.scale:.2f} %"
-    there = [f"{verdict.verdict} (largest multiplier {verdict.largest:.2f})" for _, verdict in study.beyond_orbits]
+    there = [f"{verdict.verdict} (largest multiplier {verdict.largest:.2f})" if verdict.largest < 100 else
+             f"{verdict.verdict} (largest multiplier above 100)" for _, verdict in study.beyond_orbits]
     exists = (f"At 9.0 % the branch, past its folds, has {len(there)} steady state{'s' if len(there) > 1 else ''}: "
               f"{', '.join(there)}; so that none was found does not mean that there is none."
               if there else "At 9.0 % the branch has no steady state." if study.branch.folds else
@@ -249,7 +250,7 @@ def fluctuating_stress(study: Study) -> Claim:
     centred, late = (stress_fluctuation(shaft, study.orbits[p]) for p in (0.0, 8.8))
     return Claim(
         12, STRESS_SENTENCE, STRESS_CRITERION,
-        f"fluctuation (0-to-peak) {centred / 1e6:.2e} MPa at 0 %, {late / 1e6:.2f} MPa at 8.8 %: the sentence as printed is "
+        f"fluctuation (0-to-peak) {centred / 1e6:.3f} MPa at 0 %, {late / 1e6:.2f} MPa at 8.8 %: the sentence as printed is "
         + ("true" if centred >= 0.1 * late else "false; with 'without axisymmetry' in its place it is true"
            if late > 0 else "false"),
         centred >= 0.1 * late)

@@ -215,7 +215,7 @@ def _taken_up(path: Path, fresh: xarray.Dataset) -> xarray.Dataset:
     try:
         with xr.open_dataset(path, engine="scipy") as found:
             old = found.load()
-    except (OSError, ValueError, TypeError) as error:
+    except Exception as error:  # a file that was cut off makes its reader raise nearly anything
         raise BadInput(f"{path} is there but is not a map that can be read ({error}); move it away or give another "
                        "path.") from None
     same = all(old.attrs.get(k) == v for k, v in fresh.attrs.items()) and all(

@@ -37,8 +37,9 @@ def conventions_picture(machine: Machine) -> Picture:
     _draw_side(side, machine)
     _draw_above(above)
     generator = machine.body(machine.air_gap.body)
+    depth = f"{machine.shaft.nodes[generator.node] + generator.offset:.3f}".replace("-", "−")
     words = (f"Left, {machine.name} from the side: y points down from the shaft top, the {generator.name}'s centre lies "
-             f"at y = {f'{machine.shaft.nodes[generator.node] + generator.offset:.3f}'.replace('-', '−')} m, the shaft ends at "
+             f"at y = {depth} m, the shaft ends at "
              f"{machine.shaft.length:.2f} m. Right, the plane (x, z) from above: the gap angle φ runs from z towards x, "
              "and so does the spin, clockwise.")
     return Picture(figure, words)

@@ -23,7 +23,8 @@ class Basins:
 
     displacement: m, (columns,). velocity: m/s, (rows,). Both are added to the first orbit at phase 0, along x, in the
     shape of the static deflection under the pull. ends: index of the orbit reached, −1 for contact, −2 for anything
-    else, (rows, columns). contact: revolutions until contact, nan where there was none. orbits: as given.
+    else, (rows, columns). contact: revolutions until contact, nan where there was none. orbits: as given. revolutions:
+    as many as were made, fewer than asked for after an interrupt.
     """
 
     displacement: NDArray
@@ -60,7 +61,7 @@ def basins(orbits: Sequence[PeriodicOrbit], displacement: ArrayLike, velocity: A
     shape = shape @ np.linalg.solve(small.selection @ shape, [1.0, 0.0])
     grid_v, grid_d = np.meshgrid(velocity, displacement, indexing="ij")
     start = system.state(first, first.model)[:, None] + np.vstack([np.outer(shape, grid_d), np.outer(shape, grid_v)])
-    states, contact = advance(system, start, first.centre, revolutions, steps, progress=progress)
+    states, contact, made = advance(system, start, first.centre, revolutions, steps, progress=progress)
 
     scale = np.concatenate([np.full(2, small.gap), np.full(2, small.gap * first.speed)])
     ends = np.full(states.shape[1], OTHER)
@@ -74,4 +75,4 @@ def basins(orbits: Sequence[PeriodicOrbit], displacement: ArrayLike, velocity: A
         ends[closer], nearest[closer] = index, away[closer]
     ends[np.isfinite(contact)] = CONTACT
     grid = (len(velocity), len(displacement))
-    return Basins(displacement, velocity, ends.reshape(grid), contact.reshape(grid), tuple(orbits), revolutions)
+    return Basins(displacement, velocity, ends.reshape(grid), contact.reshape(grid), tuple(orbits), made)

@@ -6,6 +6,7 @@ once, drops those that have converged, and never lets one that fails disturb the
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.dynamics.condensation import Condensed, fourier_rows
+from hydrolab.dynamics.solvers import QUADRATIC
 from hydrolab.errors import BadInput
 from hydrolab.machine.forces import CircularPull
 
@@ -23,7 +25,7 @@ class Outcome(IntEnum):
 
     CONVERGED = 0
     STALLED = 1  # the residual could not be reduced further: no steady state near the start, or a fold
-    OUTSIDE = 2  # the iteration left the gap
+    OUTSIDE = 2  # the start is outside the gap
     BEYOND_FOLD = 3  # the first leg of the branch ends before this point
     NO_START = 4  # there is no steady state to begin with
     NOT_DONE = 5  # interrupted before its turn
@@ -102,43 +104,58 @@ def newton_batch(batch: Batch, y: NDArray, centre: NDArray, tolerance: float = 1
                  max_steps: int = 25) -> tuple[NDArray, NDArray]:
     """Newton's method on every member; returns the unknowns (B, 2K) and an `Outcome` for each (B,).
 
-    A step that leaves the gap or does not reduce a member's residual is halved for that member alone.
+    A step that leaves the gap or does not reduce a member's residual is halved for that member alone. As in
+    `solvers.newton`, one more step is taken without looking back when the residual is below the tolerance.
     """
     y = y.copy()
     outcome = np.full(len(y), Outcome.STALLED, dtype=np.int8)
-    active = np.arange(len(y))
-    part, at = batch, centre
+    active, part, at = np.arange(len(y)), batch, centre
     r, jacobian, _ = part.linearise(y, at)
     size = np.linalg.norm(r, axis=1)
-    for _ in range(max_steps):
-        lost = ~np.isfinite(size)
-        outcome[active[lost]] = Outcome.OUTSIDE
-        done = size < tolerance
-        outcome[active[done]] = Outcome.CONVERGED
-        keep = ~(lost | done)
-        if not keep.any():
-            break
+    outcome[~np.isfinite(size)] = Outcome.OUTSIDE
+    keep = np.isfinite(size)
+    for count in range(max_steps + 1):
         if not keep.all():
             active, part, at = active[keep], part.take(keep), at[keep]
             r, jacobian, size = r[keep], jacobian[keep], size[keep]
-        step = np.linalg.solve(jacobian, r[..., None])[..., 0]
+        if not len(active):
+            break
+        step = solve_each(jacobian, r)
+        length = np.linalg.norm(step, axis=1)
+        done = size < tolerance
+        outcome[active[done]] = Outcome.CONVERGED
+        last = done & (length < QUADRATIC)  # at a fold the last step would lead away; false for nan
+        y[active[last]] -= step[last]
+        going = ~done & np.isfinite(length)
+        if count == max_steps or not going.any():
+            break
+        active, part, at = active[going], part.take(going), at[going]
+        step, size = step[going], size[going]
         share = np.ones(len(active))
         trial = y[active] - step
-        new_r, new_jacobian, _ = part.linearise(trial, at)
-        new_size = np.linalg.norm(new_r, axis=1)
-        for _ in range(10):
+        r, jacobian, _ = part.linearise(trial, at)
+        new_size = np.linalg.norm(r, axis=1)
+        for _ in range(11):
             worse = ~((new_size < size) | (new_size < tolerance))  # true for nan
             if not worse.any():
                 break
             share[worse] /= 2
             trial[worse] = y[active[worse]] - share[worse, None] * step[worse]
-            new_r[worse], new_jacobian[worse], _ = part.take(worse).linearise(trial[worse], at[worse])
-            new_size[worse] = np.linalg.norm(new_r[worse], axis=1)
-        stuck = ~((new_size < size) | (new_size < tolerance))
-        y[active] = np.where(stuck[:, None], y[active], trial)
-        if stuck.any():
-            keep = ~stuck
-            active, part, at = active[keep], part.take(keep), at[keep]
-            new_r, new_jacobian, new_size = new_r[keep], new_jacobian[keep], new_size[keep]
-        r, jacobian, size = new_r, new_jacobian, new_size
+            r[worse], jacobian[worse], _ = part.take(worse).linearise(trial[worse], at[worse])
+            new_size[worse] = np.linalg.norm(r[worse], axis=1)
+        keep = (new_size < size) | (new_size < tolerance)
+        y[active[keep]] = trial[keep]
+        size = new_size
     return y, outcome
+
+
+def solve_each(matrices: NDArray, right: NDArray) -> NDArray:
+    """Solutions of many small systems, (B, n); nan where a matrix is singular."""
+    try:
+        return np.linalg.solve(matrices, right[..., None])[..., 0]
+    except np.linalg.LinAlgError:  # one singular member must not stop the others
+        out = np.full_like(right, np.nan)
+        for i, (matrix, r) in enumerate(zip(matrices, right, strict=True)):
+            with contextlib.suppress(np.linalg.LinAlgError):
+                out[i] = np.linalg.solve(matrix, r)
+        return out

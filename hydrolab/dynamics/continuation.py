@@ -16,6 +16,7 @@ from hydrolab.dynamics.problems import Path
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
 from hydrolab.dynamics.solvers import newton
 from hydrolab.errors import BadInput, NoConvergence
+from hydrolab.machine.forces import CircularPull
 from hydrolab.machine.model import Model
 
 __all__ = ["Arclength", "Step", "arclength", "correct", "follow", "locate_fold", "orbits_at", "sweep"]
@@ -119,7 +120,7 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float | 
 
 def _direction(start: PeriodicOrbit, direction: float) -> float:
     """Gap angle of the stator's offset of an orbit; the given one where it has none."""
-    return math.atan2(*start.centre) if start.static_eccentricity > 0 else direction
+    return math.atan2(*(start.centre / start.static_eccentricity)) if start.static_eccentricity else direction
 
 
 def _walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength) -> Branch:
@@ -129,6 +130,8 @@ def _walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength) -> B
     steps: list[Step] = []
     special: list[SpecialPoint] = []
     left, stopped, closed = method.tail, "", False
+    # A circular gap's pull is not a number outside it, so no point that was found can touch at the AFT samples.
+    watched = method.smallest_gap > 0 or type(model.law) is not CircularPull
     for point in arclength(system, origin.coefficients.ravel() / origin.equations.length, along.first / along.scale,
                            toward=forward, step=method.step, max_step=method.max_step, max_turn=method.max_turn):
         if steps and point.tangent[-1] * steps[-1].tangent[-1] < 0:
@@ -137,7 +140,7 @@ def _walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength) -> B
             special.append(SpecialPoint("fold", value, len(steps) - 1, fold.y, along.say(value, 8)))
         steps.append(point)
         value = point.parameter * along.scale
-        gap = _smallest_gap(along, point.y, value) / model.length_scale
+        gap = _smallest_gap(along, point.y, value) / model.length_scale if watched else math.inf
         closed = len(steps) > 3 and _comes_back(steps)
         if gap <= method.smallest_gap:
             stopped = (f"The smallest gap is down to {100 * gap:.3g} % of the nominal one at {along.say(value)}."
@@ -174,12 +177,14 @@ def _smallest_gap(along: Path, y: NDArray, value: float) -> float:
 def _comes_back(steps: list[Step]) -> bool:
     """Whether the last step passed the first point, in its direction and within a small distance of it."""
     first, before, last = steps[0], steps[-2], steps[-1]
+    along = [first.tangent[:-1] @ (s.y - first.y) + first.tangent[-1] * (s.parameter - first.parameter)
+             for s in (before, last)]
+    if not along[0] < 0 <= along[1]:
+        return False
     start = np.append(first.y, first.parameter)
     a = np.append(before.y, before.parameter) - start
     b = np.append(last.y, last.parameter) - start
-    if not a @ first.tangent < 0 <= b @ first.tangent:
-        return False
-    share = (a @ first.tangent) / ((a - b) @ first.tangent)
+    share = along[0] / (along[0] - along[1])
     # The chord misses the curve by about its square; half the step is far below the distance to another leg.
     return bool(np.linalg.norm(a + share * (b - a)) < max(CLOSED, 0.1 * np.linalg.norm(b - a)))
 

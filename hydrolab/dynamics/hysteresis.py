@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
@@ -36,7 +35,8 @@ def sweep_in_time(start: PeriodicOrbit, values: Iterable[float], *, revolutions:
                   steps: int = 128, modes: int = 12, progress: Callable[[int, int], None] | None = None) -> Passage:
     """Begin on an orbit and move the stator through these eccentricities, waiting `revolutions` at each.
 
-    keep: revolutions at each value whose Poincaré section is kept. Ends early at contact.
+    keep: revolutions at each value whose Poincaré section is kept. Ends early at contact or an interrupt (Ctrl-C); the
+    values passed before are kept.
     Raises BadInput for values or numbers that do not fit.
     """
     values = np.array([float(v) for v in values])
@@ -45,20 +45,19 @@ def sweep_in_time(start: PeriodicOrbit, values: Iterable[float], *, revolutions:
     if not 1 <= keep <= revolutions:
         raise BadInput(f"keep is {keep}; it must lie between 1 and the {revolutions} revolutions.")
     system = split(start.model, start.speed, modes)
-    unit = np.array([math.sin(direction := _direction(start)), math.cos(direction)])
+    unit = direction(start)
     centre = start.centre
     state = system.state(start, start.model) + system.response(0.0, centre)
     sections: list[NDArray] = []
     for i, value in enumerate(values):
         centre = value * start.model.gap * unit
-        state, contact = _move(system, state, centre, revolutions - keep, steps)
+        state, stopped = _move(system, state, centre, revolutions - keep, steps)
         section = []
-        for _ in range(keep):
-            if contact is None:
-                state, contact = _move(system, state, centre, 1, steps)
-                section.append(system.watch @ state)
-        if contact is not None:
-            stopped = f"The rotor touches the stator at {100 * value:.4g} %."
+        while not stopped and len(section) < keep:
+            state, stopped = _move(system, state, centre, 1, steps)
+            section.append(system.watch @ state)
+        if stopped:
+            stopped = f"{stopped} at {100 * value:.4g} %."
             return Passage(values[:i], np.array(sections).reshape(i, keep, 2), stopped)
         sections.append(np.array(section))
         if progress:
@@ -72,14 +71,16 @@ def poincare(start: PeriodicOrbit, static_eccentricity: float, *, revolutions: i
     return sweep_in_time(start, [static_eccentricity], revolutions=revolutions, keep=keep, steps=steps, modes=modes)
 
 
-def _direction(orbit: PeriodicOrbit) -> float:
-    return math.atan2(*orbit.centre) if orbit.centre.any() else math.pi / 2
+def direction(orbit: PeriodicOrbit) -> NDArray:
+    """Unit vector (x, z) along which the stator is offset; along x where it is not."""
+    if not orbit.static_eccentricity:
+        return np.array([1.0, 0.0])
+    return orbit.centre / (orbit.static_eccentricity * orbit.model.gap)
 
 
-def _move(system: Split, state: NDArray, centre: NDArray, revolutions: int, steps: int) -> tuple[NDArray, float | None]:
-    """A whole state [q, q̇] moved on by whole revolutions, and when it touched the stator, if it did."""
-    if not revolutions:
-        return state, None
+def _move(system: Split, state: NDArray, centre: NDArray, revolutions: int, steps: int) -> tuple[NDArray, str]:
+    """A whole state [q, q̇] moved on by whole revolutions, and what kept it from making them all."""
     base = system.response(0.0, centre)
-    moved, contact = advance(system, (state - base)[:, None], centre, revolutions, steps)
-    return moved[:, 0] + base, float(contact[0]) if math.isfinite(contact[0]) else None
+    moved, contact, made = advance(system, (state - base)[:, None], centre, revolutions, steps)
+    stopped = "The rotor touches the stator" if np.isfinite(contact[0]) else "It was interrupted"
+    return moved[:, 0] + base, stopped if np.isfinite(contact[0]) or made < revolutions else ""

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from hydrolab.dynamics.condensation import fourier_rows
 from hydrolab.dynamics.splitting import Split, flows
 
+NEAR = 0.9
+
 
 def strang_product(system: Split, coefficients: NDArray, centre: NDArray, steps: int) -> NDArray:
     """Monodromy matrices (P, 2r, 2r) with `steps` steps in the period, of second order.
@@ -39,20 +41,35 @@ def strang_product(system: Split, coefficients: NDArray, centre: NDArray, steps:
     return product.reshape(n, points, n).transpose(1, 0, 2)
 
 
+def monodromy(system: Split, coefficients: NDArray, centre: NDArray, steps: int) -> tuple[NDArray, NDArray]:
+    """Monodromy matrices, (P, 2r, 2r), of sixth and of fourth order, from `steps`, twice and four times as many."""
+    with np.errstate(over="ignore", invalid="ignore"):  # what grows beyond all numbers has no multipliers to speak of
+        coarse, middle, fine = (strang_product(system, coefficients, centre, n) for n in (steps, 2 * steps, 4 * steps))
+        rough, good = (4 * middle - coarse) / 3, (4 * fine - middle) / 3
+        return good + (good - rough) / 15, good
+
+
 def multipliers(system: Split, coefficients: NDArray, centre: NDArray, steps: int) -> tuple[NDArray, NDArray]:
-    """Floquet multipliers, largest first, (P, 2r), of fourth order; and how far they move when the step is halved, (P,).
-
-    The products at n, 2n and 4n steps give two extrapolations; the finer one is returned, their difference is the error.
-    The error counts the multipliers that matter: the five largest of each point.
-    """
-    coarse, middle, fine = (strang_product(system, coefficients, centre, n) for n in (steps, 2 * steps, 4 * steps))
-    rough, good = (4 * middle - coarse) / 3, (4 * fine - middle) / 3
-    best = sorted_by_size(np.linalg.eigvals(good + (good - rough) / 15))
-    check = np.linalg.eigvals(good)
-    error = np.abs(best[:, :5, None] - check[:, None, :]).min(axis=2).max(axis=1)
-    return best, error
+    """Floquet multipliers, largest first, (P, 2r), and how far they are known, (P,): the change from the lower order."""
+    best, good = (eigenvalues(m) for m in monodromy(system, coefficients, centre, steps))
+    return best, moved(best, good)
 
 
-def sorted_by_size(values: NDArray) -> NDArray:
-    """Values of each row, largest modulus first."""
+def eigenvalues(matrices: NDArray) -> NDArray:
+    """Eigenvalues of each matrix, largest modulus first; nan where an orbit leaves the gap or its motion all bounds."""
+    values = np.full(matrices.shape[:2], np.nan, dtype=complex)
+    inside = np.isfinite(matrices).all(axis=(1, 2))
+    values[inside] = np.linalg.eigvals(matrices[inside])
     return np.take_along_axis(values, np.argsort(-np.abs(values), axis=1), axis=1)
+
+
+def moved(first: NDArray, second: NDArray) -> NDArray:
+    """How far apart two sets of multipliers are, (P,): each one that matters against all of the other set.
+
+    Those matter that could decide on stability: at least NEAR times the largest of the row, or NEAR where that is above 1.
+    """
+    apart = np.abs(first[:, :, None] - second[:, None, :])
+    sizes = np.abs(first), np.abs(second)
+    least = NEAR * np.minimum(1, np.maximum(*(size.max(axis=1) for size in sizes)))[:, None]
+    return np.maximum(*(np.where(size >= least, apart.min(axis=axis), 0).max(axis=1)
+                        for size, axis in zip(sizes, (2, 1), strict=True)))

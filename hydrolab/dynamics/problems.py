@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.dynamics.arclength import ParametrisedSystem
 from hydrolab.dynamics.condensation import Condensed
+from hydrolab.errors import BadInput
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +45,11 @@ class Path:
         """The residual with its derivatives in (y, value/scale), as `arclength` takes it."""
         def system(y: NDArray, scaled: float) -> tuple[NDArray, NDArray, NDArray]:
             value = scaled * self.scale
-            problem = self.at(value)
-            residual, jacobian = problem.equations.linearise(y, problem.centre)
+            try:
+                problem = self.at(value)
+                residual, jacobian = problem.equations.linearise(y, problem.centre)
+            except BadInput:  # a speed below zero, a stator outside the gap: there is nothing to follow there
+                return np.full(len(y), np.nan), np.zeros((len(y), len(y))), np.zeros(len(y))
             return residual, jacobian, self.scale * self.slope(problem, value, y, jacobian)
         return system
 

@@ -197,7 +197,9 @@ class Branch:
     @cached_property
     def centres(self) -> NDArray:
         """Stator centre at each point, m, shape (points, 2)."""
-        return np.array([self.path.at(float(value)).centre for value in self.values])
+        moving = self.parameter in ("static_eccentricity", "direction")
+        values = self.values if moving else self.values[:1]
+        return np.broadcast_to([self.path.at(float(value)).centre for value in values], (len(self), 2))
 
     @property
     def folds(self) -> tuple[SpecialPoint, ...]:

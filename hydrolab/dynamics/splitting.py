@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -56,7 +57,7 @@ class Split:
 
 def split(model: Model, speed: float, modes: int = 12) -> Split:
     """Split a model on its modal basis (`reduce`) at a speed (rad/s)."""
-    small = reduce(model, modes)
+    small = reduce(model, modes, gyroscopic=True)
     r, inverse = small.size, np.linalg.inv(small.M)
     slope = small.law.linearise(np.zeros(2))[1]
     stiffness = small.K - small.selection.T @ slope @ small.selection
@@ -78,13 +79,24 @@ def flows(system: Split, steps: int) -> tuple[NDArray, NDArray]:
     return scipy.linalg.expm(system.constant * h), scipy.linalg.expm(system.constant * (h / 2))
 
 
+class Advanced(NamedTuple):
+    """Where many motions came to.
+
+    states: (2r, members). contact: revolution at which a member touched the stator, nan where it did not; such a
+    member is left there. revolutions: whole revolutions made, fewer than asked for after an interrupt.
+    """
+
+    states: NDArray
+    contact: NDArray
+    revolutions: int
+
+
 def advance(system: Split, states: NDArray, centre: NDArray, revolutions: int, steps: int = 128, *,
-            progress: Callable[[int, int], None] | None = None) -> tuple[NDArray, NDArray]:
-    """Advance many states by whole revolutions, from phase 0; returns the states and the times of contact.
+            progress: Callable[[int, int], None] | None = None) -> Advanced:
+    """Advance many states by whole revolutions, from phase 0.
 
     states: (2r, members). centre: stator centre, m, (2,). steps: in a revolution.
-    contact: revolution at which a member touched the stator, nan where it did not; such a member is left there.
-    An interrupt (Ctrl-C) returns what has been reached; members not yet advanced to the end are then in mid-way.
+    An interrupt (Ctrl-C) returns the state after the last whole revolution.
     """
     h = 2 * math.pi / system.speed / steps
     flow, half = flows(system, steps)
@@ -94,7 +106,7 @@ def advance(system: Split, states: NDArray, centre: NDArray, revolutions: int, s
     law, watch, push, slope = system.model.law, system.watch, h * system.push, system.slope
     out, contact = states.copy(), np.full(states.shape[1], np.nan)
     active = np.arange(states.shape[1])
-    now = states
+    now, done = states, 0
     try:
         for revolution in range(revolutions):
             now = half @ now
@@ -113,10 +125,11 @@ def advance(system: Split, states: NDArray, centre: NDArray, revolutions: int, s
             if touched.any():
                 active, now = active[~touched], now[:, ~touched]
             out[:, active] = now
+            done = revolution + 1
             if progress:
                 progress(revolution + 1, revolutions)
             if not len(active):
-                break
+                return Advanced(out, contact, revolutions)
     except KeyboardInterrupt:
         pass
-    return out, contact
+    return Advanced(out, contact, done)

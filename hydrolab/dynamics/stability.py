@@ -1,8 +1,9 @@
 """Floquet multipliers of steady states: does a small disturbance die out?
 
-A verdict is given only where it survives its guards: the multipliers at two steps, and those of the orbit with the
-harmonics doubled. What a guard does not cover is computed again more finely, on more modes; what is still in doubt is
-"unknown", never "stable". Source: Nayfeh and Balachandran (1995), chapter 3, for the theory; `monodromy` for the method.
+A verdict is given only where it survives its guards: the multipliers from two orders in the step, and those of the orbit
+with the harmonics doubled on a richer basis. What a guard does not cover is computed again more finely; what is still in
+doubt is "unknown", never "stable". Source: Nayfeh and Balachandran (1995), chapter 3, for the theory; `monodromy` for
+the method.
 """
 
 from __future__ import annotations
@@ -10,25 +11,31 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from hydrolab.dynamics.arclength import correct
 from hydrolab.dynamics.batch import Outcome, newton_batch, stack
 from hydrolab.dynamics.condensation import condense
 from hydrolab.dynamics.continuation import orbits_at
-from hydrolab.dynamics.monodromy import multipliers
+from hydrolab.dynamics.monodromy import eigenvalues, monodromy, moved, multipliers
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
 from hydrolab.dynamics.solvers import newton
 from hydrolab.dynamics.splitting import split
-from hydrolab.errors import BadInput
+from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.forces import CircularPull
 
 TRUST = 1e-3  # relative change of the leading multipliers that a guard may show
-MODES, STEPS = 6, 32
-FINER = ((12, 64, 2), (20, 256, 2))  # modes, steps and factor on the harmonics of the second and third look
+MARGIN = 10  # how many times that change the leading multiplier must be away from the unit circle
+MODES, STEPS = 4, 32  # with the four deflections that `reduce` adds, moduli to 1e-4 on the paper's kind of unit
+MORE_MODES = 2  # in the guard
+QUICK = 24  # steps where there is no guard
+CROSSING = 1e-8  # of the distance between two points: how closely a crossing is located
+FINER = ((6, 64, 2), (10, 512, 4))  # modes, steps and factor on the harmonics of the second and third look
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,21 +66,22 @@ class Floquet:
 def floquet(orbit: PeriodicOrbit, modes: int = MODES, steps: int = STEPS) -> Floquet:
     """Floquet multipliers of an orbit, guarded.
 
-    modes: modes of the reduced basis (the static deflection under the pull is added). steps: the coarsest of the three
-    step counts in a revolution. Doubtful orbits are looked at more finely than that.
+    modes: modes of the reduced basis (the static and gyroscopic deflections under the pull are added). steps: the
+    coarsest of the three step counts in a revolution. Doubtful orbits are looked at more finely than that.
     Raises BadInput for fewer than 8 steps.
     """
     return floquet_all([orbit], modes, steps)[0]
 
 
-def floquet_all(orbits: Sequence[PeriodicOrbit], modes: int = MODES, steps: int = STEPS, *,
+def floquet_all(orbits: Sequence[PeriodicOrbit], modes: int = MODES, steps: int | None = None, *,
                 guard: bool = True) -> list[Floquet]:
     """Floquet multipliers of many orbits; those of one model at one speed are computed together.
 
-    guard: also compare with the orbits at twice the harmonics, and look again where in doubt. Without it only the two
-    step sizes are compared, which is what a moving slider has time for.
+    guard: also compare with the orbits at twice the harmonics and on more modes, and look again where in doubt. Without
+    it only two orders in the step are compared, of fewer steps, which is what a moving slider has time for.
     Raises BadInput for fewer than 8 steps.
     """
+    steps = (STEPS if guard else QUICK) if steps is None else steps
     if steps < 8:
         raise BadInput(f"steps is {steps}; at least 8 in a revolution are needed.")
     if not orbits:
@@ -84,13 +92,14 @@ def floquet_all(orbits: Sequence[PeriodicOrbit], modes: int = MODES, steps: int 
     coefficients = np.stack([o.coefficients for o in orbits])
     centres = np.stack([o.centre for o in orbits])
     system = split(eq.model, eq.speed, modes)
-    values, error = multipliers(system, coefficients, centres, steps)
-    if guard:
+    if not guard:
+        values, error = multipliers(system, coefficients, centres, steps)
+    else:
+        first = eigenvalues(monodromy(system, coefficients, centres, steps)[0])
         richer, found = _with_harmonics(eq, coefficients, centres, 2)
-        better, better_error = multipliers(system, richer, centres, steps)
-        error = np.maximum(better_error, moved(values, better))
+        values, error = multipliers(split(eq.model, eq.speed, modes + MORE_MODES), richer, centres, steps)
+        error = np.maximum(error, moved(first, values))
         error[~found] = np.inf
-        values = better
         for more_modes, more_steps, factor in FINER:
             doubt = np.flatnonzero(~clear(values, error))
             if not len(doubt):
@@ -105,15 +114,10 @@ def floquet_all(orbits: Sequence[PeriodicOrbit], modes: int = MODES, steps: int 
     return [_judged(v, float(e)) for v, e in zip(values, error, strict=True)]
 
 
-def moved(first: NDArray, second: NDArray) -> NDArray:
-    """How far the five leading multipliers of each row of `second` are from any of `first`, (P,)."""
-    return np.abs(second[:, :5, None] - first[:, None, :]).min(axis=2).max(axis=1)
-
-
 def clear(values: NDArray, error: NDArray) -> NDArray:
     """Whether the guards leave no doubt on which side of the unit circle the leading multiplier is, (P,)."""
     size = np.abs(values[:, 0])
-    return np.isfinite(error) & (error <= TRUST * np.maximum(1, size)) & (np.abs(size - 1) > 3 * error)
+    return np.isfinite(error) & (error <= TRUST * np.maximum(1, size)) & (np.abs(size - 1) > MARGIN * error)
 
 
 def _with_harmonics(eq, coefficients: NDArray, centres: NDArray, factor: int) -> tuple[NDArray, NDArray]:
@@ -134,12 +138,12 @@ def _with_harmonics(eq, coefficients: NDArray, centres: NDArray, factor: int) ->
 
 def _again(eq, coefficients: NDArray, centres: NDArray, modes: int, steps: int,
            factor: int) -> tuple[NDArray, NDArray]:
-    """A finer look: more modes, smaller steps, and the harmonics doubled twice for the guard."""
-    system = split(eq.model, eq.speed, modes)
+    """A finer look; its guard has twice the harmonics and more modes."""
     some, found = _with_harmonics(eq, coefficients, centres, factor)
     more, found_more = _with_harmonics(eq, coefficients, centres, 2 * factor)
-    values, error = multipliers(system, more, centres, steps)
-    error = np.maximum(error, moved(multipliers(system, some, centres, steps)[0], values))
+    values, error = multipliers(split(eq.model, eq.speed, modes + MORE_MODES), more, centres, steps)
+    first, _ = multipliers(split(eq.model, eq.speed, modes), some, centres, steps)
+    error = np.maximum(error, moved(first, values))
     error[~(found & found_more)] = np.inf
     return values, error
 
@@ -147,8 +151,10 @@ def _again(eq, coefficients: NDArray, centres: NDArray, modes: int, steps: int,
 def _judged(values: NDArray, error: float) -> Floquet:
     lead = values[0]
     verdict = "unknown"
-    if clear(values[None], np.array([error]))[0]:
-        verdict = "stable" if abs(lead) < 1 else "unstable"
+    if abs(lead) - 1 > MARGIN * error:
+        verdict = "unstable"  # 7000 ± 10 is, however roughly known
+    elif clear(values[None], np.array([error]))[0]:
+        verdict = "stable"
     kind = "Neimark–Sacker" if abs(lead.imag) > 1e-6 * abs(lead) else ("fold" if lead.real > 0 else "flip")
     return Floquet(values[np.abs(values) > 0] if (values == 0).any() else values, error, verdict, kind)
 
@@ -175,12 +181,12 @@ class BranchStability:
         return f"{counts} of {len(self.points)} points; stability changes away from folds: {where}"
 
 
-def branch_stability(branch: Branch, modes: int = MODES, steps: int = STEPS, *, guard: bool = True,
+def branch_stability(branch: Branch, modes: int = MODES, steps: int | None = None, *, guard: bool = True,
                      locate: bool = True) -> BranchStability:
     """Floquet multipliers of every point of a branch in one batch, and where stability changes between them.
 
-    guard: as in `floquet_all`. locate: find flips and Neimark–Sacker points by bisection on the number of multipliers
-    outside the unit circle.
+    guard: as in `floquet_all`. locate: find flips and Neimark–Sacker points where the number of multipliers outside the
+    unit circle changes.
     """
     points = floquet_all(list(branch), modes, steps, guard=guard)
     if not locate:
@@ -188,11 +194,9 @@ def branch_stability(branch: Branch, modes: int = MODES, steps: int = STEPS, *, 
     folds = {fold.after for fold in branch.folds}
     crossings = []
     for i, (a, b) in enumerate(pairwise(points)):
-        change = outside(a) != outside(b) and "unknown" not in (a.verdict, b.verdict)
-        if change and (i not in folds or abs(outside(a) - outside(b)) != 1):
-            crossing = _locate(branch, i, a, b, modes, steps)
-            if crossing is not None:
-                crossings.append(crossing)
+        few, many = sorted((outside(a), outside(b)))
+        if "unknown" not in (a.verdict, b.verdict) and many - few > (i in folds):
+            crossings += _locate(branch, i, range(few, many), max(modes, FINER[0][0]), max(steps or 0, 2 * FINER[0][1]))
     return BranchStability(tuple(points), tuple(crossings))
 
 
@@ -201,36 +205,41 @@ def outside(point: Floquet) -> int:
     return int(np.sum(np.abs(point.multipliers) > 1))
 
 
-def _locate(branch: Branch, i: int, a: Floquet, b: Floquet, modes: int, steps: int) -> SpecialPoint | None:
-    """Where between rows i and i + 1 a multiplier crosses the unit circle; None at a fold."""
-    scale = branch.path.scale
-    low, high = (np.append(branch.unknowns[j], branch.values[j] / scale) for j in (i, i + 1))
-    count = outside(a)
-    found = None
-    for _ in range(24):
-        here = (low + high) / 2
-        along = high - low
-        step = correct(branch.path.system(), here, along / np.linalg.norm(along))
+def _locate(branch: Branch, i: int, places: range, modes: int, steps: int) -> list[SpecialPoint]:
+    """Where between rows i and i + 1 the multipliers at these places, by size, cross the unit circle away from a fold."""
+    scale, system = branch.path.scale, branch.path.system()
+    start, end = (np.append(branch.unknowns[j], branch.values[j] / scale) for j in (i, i + 1))
+    length = float(np.linalg.norm(end - start))
+    along = (end - start) / length
+
+    @cache
+    def at(s: float) -> tuple[NDArray, NDArray]:
+        """A point of the branch between the two, and its multipliers."""
+        step = correct(system, start + s * along, along)
         if step is None:
-            return None
+            raise NoConvergence(f"The branch was lost between its points {i} and {i + 1}; use a smaller `max_step`.")
         problem = branch.path.at(step.parameter * scale)
         eq = problem.equations
         values, _ = multipliers(split(eq.model, eq.speed, modes), step.y.reshape(1, 2, -1) * eq.length,
                                 problem.centre[None], steps)
-        found, here = values[0], np.append(step.y, step.parameter)
-        if int(np.sum(np.abs(found) > 1)) == count:
-            low = here
-        else:
-            high = here
-        if np.abs(high - low).max() < 1e-9:
-            break
-    mu = found[np.argmin(np.abs(np.abs(found) - 1))]
-    if abs(mu - 1) < 1e-2 and abs(mu.imag) < 1e-6:
-        return None
-    kind = "flip" if mu.real < 0 and abs(mu.imag) < 1e-6 else (
-        f"Neimark–Sacker, {math.degrees(abs(np.angle(mu))):.1f}° a revolution,")
-    value = float(here[-1]) * scale
-    return SpecialPoint(kind, value, i, here[:-1], branch.path.say(value, 8))
+        return np.append(step.y, step.parameter), values[0]
+
+    def margin(s: float, place: int) -> float:
+        return float(abs(at(s)[1][place])) - 1
+
+    found: list[SpecialPoint] = []
+    for place in places:
+        if not margin(0.0, place) * margin(length, place) < 0:
+            continue  # not so when looked at more finely
+        point, values = at(brentq(margin, 0.0, length, args=(place,), xtol=CROSSING * length))
+        mu = values[place]
+        real = abs(mu.imag) < 1e-6
+        if (real and mu.real > 0) or any(abs(p.value - point[-1] * scale) < 10 * CROSSING * scale for p in found):
+            continue  # a fold, which the branch has; or the other of a pair
+        kind = "flip" if real else f"Neimark–Sacker, {math.degrees(abs(np.angle(mu))):.1f}° a revolution,"
+        value = float(point[-1]) * scale
+        found.append(SpecialPoint(kind, value, i, point[:-1], branch.path.say(value, 5)))
+    return found
 
 
 def stable_orbits_at(branch: Branch, static_eccentricity: float) -> list[PeriodicOrbit]:

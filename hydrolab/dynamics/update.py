@@ -10,7 +10,8 @@ from hydrolab.dynamics.batch import Batch, stack
 from hydrolab.dynamics.continuation import follow
 from hydrolab.dynamics.parameters import path
 from hydrolab.dynamics.results import Branch, SpecialPoint
-from hydrolab.errors import BadInput
+from hydrolab.errors import BadInput, Contact, NoConvergence
+from hydrolab.machine.forces import CircularPull
 from hydrolab.machine.model import Model
 
 MOVED = "It was moved along with the model from a branch followed before."
@@ -21,13 +22,16 @@ def update_branch(branch: Branch, model: Model, speed: float | None = None) -> B
     """The branch of a model near the one it was followed on, by one batched bordered Newton from the old points.
 
     Every point is corrected within the plane normal to the old branch, the first one at its own eccentricity, and
-    the folds are located anew. Where the branch changes its topology, or a point is lost, it is followed from scratch.
+    the folds are located anew. Where the branch changes its topology, a point is lost or the gap is not circular, it is
+    followed from scratch, up to half the gap.
     Raises BadInput for a branch along another parameter, and what `follow` raises where nothing is left to follow.
     """
     speed = branch.equations.speed if speed is None else speed
     if branch.parameter != "static_eccentricity":
         raise BadInput(f"the branch runs along {branch.parameter}; only branches along static_eccentricity can be moved.")
     balance = branch.method.balance
+    if type(model.law) is not CircularPull:
+        return _afresh(branch, model, speed)
     along = path(model, "static_eccentricity", balance, speed, branch.path.first, float(np.arctan2(*branch.direction)))
     eq = balance.equations(model, speed)
     batch = stack([eq]).take(np.zeros(len(branch), dtype=int))
@@ -46,13 +50,18 @@ def update_branch(branch: Branch, model: Model, speed: float | None = None) -> B
         before, after = (Step(z[j, :-1], z[j, -1], tangents[j], residuals[j], 0) for j in (i, i + 1))
         fold = locate_fold(system, before, after)
         folds.append(SpecialPoint("fold", fold.parameter, int(i), fold.y, along.say(fold.parameter, 8)))
-    return Branch(along, z[:, -1], z[:, :-1], residuals * eq.force, tuple(folds), MOVED, branch.method)
+    return Branch(along, z[:, -1], z[:, :-1], residuals * eq.force, tuple(folds), MOVED, branch.method,
+                  branch.closed)
 
 
 def _afresh(branch: Branch, model: Model, speed: float) -> Branch:
-    first = branch.path.first
-    return follow(model, speed=speed, to=float(np.copysign(0.5, branch.values[1] - first)), method=branch.method,
-                  static_eccentricity=first, direction=float(np.arctan2(*branch.direction)))
+    first, direction, method = branch.path.first, float(np.arctan2(*branch.direction)), branch.method
+    try:
+        start = method.balance.solve(model, speed, first, direction=direction, start=branch[0])
+    except (NoConvergence, Contact):
+        start = None
+    return follow(model, speed=speed, to=float(np.copysign(0.5, branch.values[1] - first)), method=method,
+                  static_eccentricity=first, direction=direction, start=start)
 
 
 def _normals(z: NDArray) -> NDArray:

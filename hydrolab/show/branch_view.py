@@ -53,7 +53,8 @@ class BranchView:
         self.plane = figure.add_subplot(grid[:, 1])
         self.first.set(title="1X in x, µm (0-to-peak)")
         self.gaps.set(title="Smallest gap, mm", xlabel="static eccentricity, %", ylim=(0, 1.05 * MM * self.gap))
-        self.lines = {word: tuple(axes.plot([], [], LINES[word], color=COLOURS[word], label=word if axes is self.first else "")[0]
+        self.lines = {word: tuple(axes.plot([], [], LINES[word], color=COLOURS[word],
+                                            label=word if axes is self.first else "")[0]
                                   for axes in (self.first, self.gaps)) for word in WORDS}
         self.folds = [axes.plot([], [], "D", color=COLOURS["fold"], markersize=6)[0] for axes in (self.first, self.gaps)]
         self.cursors = [axes.axvline(0, color=COLOURS["axis"], linewidth=1) for axes in (self.first, self.gaps)]

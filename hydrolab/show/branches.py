@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from hydrolab.dynamics.results import Branch
-from hydrolab.dynamics.stability import Floquet, floquet
+from hydrolab.dynamics.stability import Floquet
 from hydrolab.show.drawing import UM
 from hydrolab.show.readings import verdicts
 from hydrolab.show.style import COLOURS, LINES
@@ -49,19 +49,6 @@ def curve(branch: Branch) -> Curve:
     chord = np.linalg.norm(np.diff(points * scale, axis=0), axis=1)
     position = np.concatenate([[0.0], np.cumsum(np.maximum(chord, 1e-12))])
     return Curve(np.delete(position, rows), position[rows], CubicSpline(position, points))
-
-
-def branch_stability(branch: Branch, known: Sequence[Floquet] = (), most: int = 80) -> tuple[Floquet, ...]:
-    """Stability of every point of a branch, the first of them `known`.
-
-    Of the others at most `most` are computed, and each remaining one takes the verdict of its nearest neighbour.
-    """
-    rows = np.arange(len(known), len(branch))
-    if not len(rows):
-        return tuple(known[:len(branch)])
-    chosen = rows[np.unique(np.linspace(0, len(rows) - 1, min(most, len(rows))).round().astype(int))]
-    found = {int(i): floquet(branch[int(i)]) for i in chosen}
-    return tuple(known) + tuple(found[int(chosen[np.argmin(np.abs(chosen - i))])] for i in rows)
 
 
 def stretches(branch_curve: Curve, words: Sequence[str]) -> list[tuple[str, float, float]]:

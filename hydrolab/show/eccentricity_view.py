@@ -104,7 +104,8 @@ class EccentricityView:
 
     def _draw_bars(self, axes: Axes) -> list:
         places = np.arange(len(PARTS))
-        axes.set(yscale="log", ylim=(LEAST, MOST), xlim=(-0.6, len(PARTS) - 0.4), ylabel="µm (0-to-peak)", title="Mean and harmonics")
+        axes.set(yscale="log", ylim=(LEAST, MOST), xlim=(-0.6, len(PARTS) - 0.4), ylabel="µm (0-to-peak)",
+                 title="Mean and harmonics")
         axes.set_xticks(places, PARTS)
         axes.yaxis.set_major_formatter("{x:g}")
         axes.grid(axis="x", visible=False)
@@ -139,8 +140,9 @@ class EccentricityView:
             self._fade(f"leg {leg}: none at {percent(eccentricity / 100)}")
             also = [str(n) for n, other in enumerate(self.legs.all, 1) if other.holds(eccentricity / 100)]
             reach = f" It spans {percent(there.low)} to {percent(there.high, 4)}." if there else ""
-            return (f"Leg {leg} has no steady state at {percent(eccentricity / 100)} of the gap; the last one is left in grey."
-                    f"{reach} " + (f"Other legs that pass here: {', '.join(also)}." if also else "No other leg of the branch passes here."))
+            others = f"Other legs that pass here: {', '.join(also)}." if also else "No other leg of the branch passes here."
+            return (f"Leg {leg} has no steady state at {percent(eccentricity / 100)} of the gap; the last one is left in "
+                    f"grey.{reach} {others}")
         verdict = self.legs.verdict(orbit, leg - 1)
         self._show(orbit, verdict)
         return f"Leg {leg}, {verdict}. {orbit_reading(orbit)}"
@@ -198,5 +200,6 @@ class EccentricityView:
 def _extent(coefficients: NDArray) -> NDArray:
     """Least and greatest x of each station over a revolution, m, (2, stations)."""
     k = np.arange(1, coefficients.shape[2] // 2 + 1)[:, None]
-    x = coefficients[:, 0, :1] + coefficients[:, 0, 1::2] @ np.sin(k * COARSE) + coefficients[:, 0, 2::2] @ np.cos(k * COARSE)
+    x = (coefficients[:, 0, :1] + coefficients[:, 0, 1::2] @ np.sin(k * COARSE)
+         + coefficients[:, 0, 2::2] @ np.cos(k * COARSE))
     return np.array([x.min(axis=1), x.max(axis=1)])

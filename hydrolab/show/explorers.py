@@ -109,7 +109,8 @@ def branch_explorer(machine: Machine, eccentricity: float | None = None) -> Figu
         "field": slider("field, T", field, 0.8 * field, 1.12 * field, 0.004 * field, 3),
         "unbalance": slider("unbalance, × the card's", 1.0, 0.1, 2.0, 0.02, 2),
         "mass": slider(f"mass of the {body.name}, t", mass / 1e3, 0.6e-3 * mass, 1.5e-3 * mass, 5e-6 * mass, 1),
-        "stiffness": slider(f"{bearing.name}, GN/m", stiffness / 1e9, 0.6e-9 * stiffness, 2e-9 * stiffness, 5e-12 * stiffness, 3),
+        "stiffness": slider(f"{bearing.name}, GN/m", stiffness / 1e9, 0.6e-9 * stiffness, 2e-9 * stiffness,
+                            5e-12 * stiffness, 3),
     }
     start = {name: control.value for name, control in controls.items()}
 

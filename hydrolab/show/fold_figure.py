@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from hydrolab.dynamics.stability import Floquet
-from hydrolab.show.branches import branch_stability, draw_branch
+from hydrolab.show.branches import draw_branch
 from hydrolab.show.drawing import MM, REVOLUTION, UM, draw_arrow, draw_gap, draw_orbit, frame
 from hydrolab.show.picture import Picture
 from hydrolab.show.readings import first_along
@@ -24,9 +24,9 @@ LAST = 3  # of these, and of any other such motion, the orbit of the last ones
 def figure_8(study: StudyResult, stability: Sequence[Floquet] | None = None) -> Picture:
     """The whole branch with its stability, and what direct integration finds just beyond the paper's last orbit.
 
-    stability: of every point of the branch; by default that of the first leg is the study's and the rest is computed.
+    stability: of every point of the branch; by default the study's.
     """
-    stability = branch_stability(study.branch, study.stability) if stability is None else stability
+    stability = study.stability if stability is None else stability
     figure = new_figure(14, 8)
     panels = figure.subplot_mosaic([["branch", "gap"], ["branch", "orbit"]], width_ratios=(1, 1.05),
                                    height_ratios=(1, 1.35))

