@@ -10,9 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from hydrolab.errors import BadInput
 from hydrolab.show.style import CSS_DOTS_PER_INCH, DOTS_PER_INCH, house_style
+
+PALETTE = 128  # colours of a stored picture
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,8 +37,17 @@ class Picture:
         return stream.getvalue()
 
     def png(self) -> bytes:
-        """The picture as PNG, the same bytes each time, with the reading as its description."""
-        return self._written("png", {"Software": None, "Description": self.reading})
+        """The picture as PNG, the same bytes each time, with the reading as its description.
+
+        A palette of 128 colours makes it a third as large, and a notebook with ten of them quick to open.
+        """
+        full = Image.open(io.BytesIO(self._written("png", {"Software": None})))
+        few = full.convert("RGB").quantize(PALETTE, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        words = PngInfo()
+        words.add_itxt("Description", self.reading)
+        stream = io.BytesIO()
+        few.save(stream, "png", optimize=True, dpi=full.info["dpi"], pnginfo=words)
+        return stream.getvalue()
 
     def svg(self) -> bytes:
         """The picture as SVG, the same bytes each time; the reading is its title, which screen readers say."""
