@@ -17,6 +17,7 @@ import numpy as np
 from hydrolab.machine.parts import Machine, RadialBearing
 from hydrolab.show.branch_view import BranchView
 from hydrolab.show.eccentricity_view import EccentricityView
+from hydrolab.show.flipbook import MIME, Frame, flipbook, main_control, shown, slider_values
 from hydrolab.show.kept_figure import KeptFigure
 from hydrolab.show.picture import Picture
 
@@ -25,7 +26,8 @@ class FigureExplorer(widgets.VBox):
     """Controls, a reset button, a picture and its reading.
 
     view: from the controls' values, by name, to the reading. kept: the figure that it changes. Where there is no
-    kernel, as in a stored notebook, the first picture and its reading stand in its place.
+    kernel, as in a stored notebook, the first picture and its reading stand in its place, and in the static book a
+    flip-book along the first slider.
     """
 
     def __init__(self, view: Callable[..., str], kept: KeptFigure, controls: Mapping[str, Any]) -> None:
@@ -41,7 +43,21 @@ class FigureExplorer(widgets.VBox):
             control.observe(self._show, "value")
         self.reading = self._show()
         self._first = Picture(kept.figure, self.reading)._repr_mimebundle_()  # now, while the figure shows it
+        self._first |= self._flipbook()
         super().__init__([*self.controls.values(), self.reset, self.image, self.words])
+
+    def _flipbook(self) -> dict[str, str]:
+        """What the view shows along the first slider, the other controls as they stand."""
+        main = main_control(self.controls.values())
+        if main is None:
+            return {}
+        name = next(name for name, control in self.controls.items() if control is main)
+        values, frames = slider_values(main), []
+        for value in values:
+            said = self.view(**self.initial | {name: value})
+            frames.append(Frame(shown(main, value), said, self.kept.pixels().copy()))
+        self._show()
+        return {MIME: flipbook(main.description, frames, values.index(main.value))}
 
     def _show(self, change: Any = None) -> str:
         """Ask the view and show its figure and its words."""

@@ -43,6 +43,10 @@ class KeptFigure:
 
     def png(self) -> bytes:
         """The figure as it is now, as PNG."""
+        return quick_png(self.pixels())
+
+    def pixels(self) -> NDArray:
+        """The figure as it is now, (height, width, 4) of bytes; the next picture overwrites them."""
         canvas = self.figure.canvas
         if self._still is None:
             with house_style():
@@ -53,7 +57,7 @@ class KeptFigure:
         canvas.restore_region(self._still)
         for artist in self.moving:
             artist.draw(renderer)
-        return quick_png(np.asarray(canvas.buffer_rgba()))
+        return np.asarray(canvas.buffer_rgba())
 
 
 def quick_png(pixels: NDArray) -> bytes:
