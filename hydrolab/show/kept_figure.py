@@ -61,12 +61,14 @@ class KeptFigure:
         """The last picture in pale grey with words across it, as PNG; asked again, it does not fade further."""
         if self._last is None:
             self.png()
-        pixels = np.asarray(self.figure.canvas.buffer_rgba())
-        pixels[..., :3] = 255 - 0.35 * (255 - self._last[..., :3].mean(axis=2, keepdims=True))
+        renderer = self.figure.canvas.get_renderer()  # anew, where the figure was saved at another resolution
+        pixels = np.asarray(renderer.buffer_rgba())
+        pixels[...] = 255 - 0.35 * (255 - self._last[..., :3].mean(axis=2, keepdims=True))
+        pixels[..., 3] = 255
         with house_style():
             note = self.figure.text(0.5, 0.5, words, ha="center", va="center", fontsize=22, color=COLOURS["unstable"],
                                     bbox={"facecolor": "white", "edgecolor": COLOURS["unstable"], "pad": 12})
-            note.draw(self.figure.canvas.get_renderer())
+            note.draw(renderer)
         note.remove()
         return quick_png(pixels)
 
