@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,46 +22,57 @@ FRAMES = 11
 COLOURS = 31  # of a frame
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Frame:
-    """A value of the slider in words, what is said there, and what is seen: pixels (height, width, 4)."""
+    """A value of the slider in words, what is said there, and what is seen, as PNG."""
 
     value: str
     reading: str
-    pixels: NDArray
+    png: bytes
 
 
-def main_control(controls: Iterable[Any]) -> Any | None:
-    """The first of an explorer's controls that is a slider, or None."""
-    return next((control for control in controls
-                 if all(getattr(control, name, None) is not None for name in ("min", "max", "step"))), None)
+def main_control(controls: Mapping[str, Any]) -> str | None:
+    """The name of the first of an explorer's controls that is a slider, or None."""
+    return next((name for name, control in controls.items()
+                 if hasattr(control, "readout") and (hasattr(control, "options") or hasattr(control, "step"))), None)
 
 
-def slider_values(control: Any, count: int = FRAMES) -> list[float]:
-    """At most `count` values of a slider, both ends and the value it has among them, ascending."""
-    steps = max(1, round((control.max - control.min) / control.step))
-    taken = {round(place) for place in np.linspace(0, steps, min(count, steps + 1))}
+def slider_values(control: Any, count: int = FRAMES) -> list[Any]:
+    """At most `count` values of a slider, both ends and the value it has among them, in its order."""
+    if hasattr(control, "options"):
+        options = [option[1] if isinstance(option, tuple) else option for option in control.options]
+        return [options[place] for place in _places(len(options) - 1, options.index(control.value), count)]
     now = round((control.value - control.min) / control.step)
-    if now not in taken:
-        inner = [place for place in taken if 0 < place < steps] or [0]
-        taken = (taken - {min(inner, key=lambda place: abs(place - now))}) | {now}
     kind = int if isinstance(control.value, int) else float
     return [control.value if place == now else kind(round(control.min + place * control.step, 12))
-            for place in sorted(taken)]
+            for place in _places(round((control.max - control.min) / control.step), now, count)]
 
 
-def shown(control: Any, value: float) -> str:
+def _places(steps: int, now: int, count: int) -> list[int]:
+    """At most `count` of the places 0 … steps, evenly spaced but for `now`."""
+    taken = {round(place) for place in np.linspace(0, steps, min(count, steps + 1))}
+    if now not in taken:
+        nearest = min((place for place in taken if 0 < place < steps), key=lambda place: abs(place - now))
+        taken = (taken - {nearest}) | {now}
+    return sorted(taken)
+
+
+def shown(control: Any, value: Any) -> str:
     """A value as the slider writes it."""
-    return format(value, getattr(control, "readout_format", "") or "g")
+    return str(value) if hasattr(control, "options") else format(value, getattr(control, "readout_format", "") or "g")
 
 
 def flipbook(label: str, frames: Sequence[Frame], start: int) -> str:
     """The frames as JSON: label of the slider, number of the frame to begin with, the whole frame, and all frames."""
-    first = frames[start].pixels[..., :3]
-    rows = [{"value": frame.value, "reading": frame.reading, "picture": _uri(_difference(frame.pixels[..., :3], first))}
+    first = _pixels(frames[start].png)
+    rows = [{"value": frame.value, "reading": frame.reading, "picture": _uri(_difference(_pixels(frame.png), first))}
             for frame in frames]
     return json.dumps({"label": label, "start": start, "width": first.shape[1], "height": first.shape[0],
                        "whole": _uri(_few_colours(first)), "frames": rows}, ensure_ascii=False)
+
+
+def _pixels(png: bytes) -> NDArray:
+    return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
 
 
 def _few_colours(pixels: NDArray) -> Image.Image:
