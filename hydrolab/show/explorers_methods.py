@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
-from hydrolab.show.explorer import FigureExplorer, choice, slider, steps, whole
+from hydrolab.show.explorer import FigureExplorer, choice, steps, whole
 from hydrolab.show.method_views import METHODS, SAMPLES, STEPS, HarmonicsView, IntegratorView
 
 

@@ -86,7 +86,8 @@ def _difference(pixels: NDArray, first: NDArray) -> Image.Image:
         return _few_colours(pixels)
     same = (pixels == first).all(axis=2)
     changed = np.asarray(_few_colours(np.where(same[..., None], np.uint8(255), pixels)))
-    return Image.fromarray(np.dstack([np.where(same[..., None], np.uint8(0), changed), 255 * ~same]).astype(np.uint8), "RGBA")
+    seen = np.dstack([np.where(same[..., None], np.uint8(0), changed), np.where(same, np.uint8(0), np.uint8(255))])
+    return Image.fromarray(seen, "RGBA")
 
 
 def _uri(image: Image.Image) -> str:
