@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from hydrolab.errors import BadInput
+from hydrolab.show.flipbook import MIME as FLIPBOOK
 
 Notebook = dict[str, Any]
 Cell = dict[str, Any]
@@ -30,8 +31,9 @@ Cell = dict[str, Any]
 METADATA = {"kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"},
             "language_info": {"name": "python"}}
 WIDGETS = ("application/vnd.jupyter.widget-view+json", "application/vnd.jupyter.widget-state+json")
+WITH_PICTURES = ("text/html", FLIPBOOK)
 CELL_ID = re.compile(r"[a-zA-Z0-9_-]{1,64}")
-PIXELS = re.compile(r"(data:image/png;base64,)([A-Za-z0-9+/=]+)")
+PIXELS = re.compile(r"(data:image/(?:png|webp);base64,)([A-Za-z0-9+/=]+)")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_MARKS = ("software", "creation time")  # text in a PNG that tells which program made it, and when
 TIMEOUT = 120  # seconds a cell may take, as under nbval
@@ -122,7 +124,7 @@ def _clean_outputs(outputs: Sequence[dict[str, Any]], count: int | None) -> list
 def _clean_data(mime: str, value: Any) -> Any:
     if mime == "image/png":
         return _unmarked(value)
-    return PIXELS.sub(lambda found: found[1] + _unmarked(found[2]), value) if mime == "text/html" else value
+    return PIXELS.sub(lambda found: found[1] + _unmarked(found[2]), value) if mime in WITH_PICTURES else value
 
 
 def _unmarked(encoded: str) -> str:
@@ -200,7 +202,7 @@ def without_pixels(notebook: Notebook) -> Notebook:
         for output in cell.get("outputs", []):
             for mime, value in output.get("data", {}).items():
                 output["data"][mime] = "" if mime == "image/png" else (
-                    PIXELS.sub(r"\1", value) if mime == "text/html" else value)
+                    PIXELS.sub(r"\1", value) if mime in WITH_PICTURES else value)
     return bare
 
 

@@ -1,15 +1,6 @@
-"""Explorers: controls above one kept figure, its reading as text below. What is seen is decided by plain views.
-
-A view takes the controls' values, changes its kept figure and returns the reading; it knows no widget. The browser
-holds back a slider's moves while the last one is being drawn and sends the newest afterwards, so a fast drag never
-queues up.
-"""
+"""The explorers of a whole machine: its steady states, its branch, and what lies past the fold."""
 
 from __future__ import annotations
-
-import html
-from collections.abc import Callable, Mapping
-from typing import Any
 
 import ipywidgets as widgets
 import numpy as np
@@ -17,57 +8,7 @@ import numpy as np
 from hydrolab.machine.parts import Machine, RadialBearing
 from hydrolab.show.branch_view import BranchView
 from hydrolab.show.eccentricity_view import EccentricityView
-from hydrolab.show.kept_figure import KeptFigure
-from hydrolab.show.picture import Picture
-
-
-class FigureExplorer(widgets.VBox):
-    """Controls, a reset button, a picture and its reading.
-
-    view: from the controls' values, by name, to the reading. kept: the figure that it changes. Where there is no
-    kernel, as in a stored notebook, the first picture and its reading stand in its place.
-    """
-
-    def __init__(self, view: Callable[..., str], kept: KeptFigure, controls: Mapping[str, Any]) -> None:
-        self.view, self.kept, self.controls = view, kept, dict(controls)
-        self.initial = {name: control.value for name, control in controls.items()}
-        self.image = widgets.Image(format="png", layout={"width": f"{kept.width}px", "max_width": "98%",
-                                                         "object_fit": "contain"})
-        self.words = widgets.HTML()
-        self.reset = widgets.Button(description="Reset", tooltip="Back to the first values", layout={"width": "7em"})
-        self.reset.on_click(self._back)
-        for control in self.controls.values():
-            control.style.description_width = "13em"
-            control.observe(self._show, "value")
-        self.reading = self._show()
-        self._first = Picture(kept.figure, self.reading)._repr_mimebundle_()  # now, while the figure shows it
-        super().__init__([*self.controls.values(), self.reset, self.image, self.words])
-
-    def _show(self, change: Any = None) -> str:
-        """Ask the view and show its figure and its words."""
-        self.reading = self.view(**{name: control.value for name, control in self.controls.items()})
-        self.image.value = self.kept.png()
-        self.words.value = ('<div role="status" aria-live="polite" style="line-height: 1.5; max-width: 68em">'
-                            f"{html.escape(self.reading)}</div>")
-        return self.reading
-
-    def _back(self, button: widgets.Button) -> None:
-        """Put every control back, and draw once."""
-        for control in self.controls.values():
-            control.unobserve(self._show, "value")
-        for name, control in self.controls.items():
-            control.value = self.initial[name]
-            control.observe(self._show, "value")
-        self._show()
-
-    def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, Any]:
-        return super()._repr_mimebundle_(**kwargs) | self._first
-
-
-def slider(description: str, value: float, low: float, high: float, step: float, digits: int) -> widgets.FloatSlider:
-    """A slider in the explorers' layout, sent while it moves."""
-    return widgets.FloatSlider(value=value, min=low, max=high, step=step, description=description,
-                               readout_format=f".{digits}f", layout={"width": "min(46em, 98%)"})
+from hydrolab.show.explorer import FigureExplorer, slider
 
 
 def eccentricity_explorer(machine: Machine, eccentricity: float | None = None) -> FigureExplorer:

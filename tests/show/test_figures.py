@@ -119,7 +119,7 @@ def test_a_notebook_gets_a_figure_with_alt_text_and_caption(pictures):
         page = ElementTree.fromstring(bundle["text/html"])
         assert page.tag == "figure"
         assert page.find("img").get("alt") == page.find("figcaption").text == picture.reading
-        assert page.find("img").get("src").startswith("data:image/png;base64,")
+        assert page.find("img").get("src").startswith("data:image/webp;base64,")
 
 
 def test_every_picture_can_be_drawn(pictures):
