@@ -36,6 +36,7 @@ MORE_MODES = 2  # in the guard
 QUICK = 24  # steps where there is no guard
 CROSSING = 1e-8  # of the distance between two points: how closely a crossing is located
 FINER = ((6, 64, 2), (10, 512, 4))  # modes, steps and factor on the harmonics of the second and third look
+ENOUGH = 32  # harmonics beyond which a finer look takes no more: they cost memory with their third power
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +140,7 @@ def _with_harmonics(eq, coefficients: NDArray, centres: NDArray, factor: int) ->
 def _again(eq, coefficients: NDArray, centres: NDArray, modes: int, steps: int,
            factor: int) -> tuple[NDArray, NDArray]:
     """A finer look; its guard has twice the harmonics and more modes."""
+    factor = min(factor, max(1, ENOUGH // eq.harmonics))
     some, found = _with_harmonics(eq, coefficients, centres, factor)
     more, found_more = _with_harmonics(eq, coefficients, centres, 2 * factor)
     values, error = multipliers(split(eq.model, eq.speed, modes + MORE_MODES), more, centres, steps)
