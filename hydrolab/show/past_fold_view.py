@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from threadpoolctl import threadpool_limits
 
@@ -17,7 +19,8 @@ from hydrolab.show.readings import percent
 from hydrolab.show.style import COLOURS, LINES, PURPLE, house_style, new_figure, plane
 
 SEVERAL = 5  # orbits shown at one eccentricity
-REVOLUTIONS = 250  # that a motion gets to settle after a jump, and again after each move of the slider
+REVOLUTIONS = 250, 60  # that a motion gets to settle: after it has left a leg, and at each step after that
+SLOW = 0.1  # % of eccentricity, the steps of a machine that is on no leg
 METHOD = CentralDifference(steps_per_revolution=512)
 SAME = 0.02  # a motion whose coefficients are this near to an orbit's, in parts of its vibration, has settled on it
 TURN = np.array([np.sin(REVOLUTION), np.cos(REVOLUTION)])
@@ -28,7 +31,7 @@ class PastFoldView:
 
     While its leg goes on and is stable the machine stays on it. Where the leg ends or is unstable, its motion is
     integrated in time from the last orbit, so that the machine's own motion decides where it jumps to: an orbit, a
-    motion that does not repeat every revolution, or the stator. Off the branch it is integrated on from where it was.
+    motion that does not repeat every revolution, or the stator. On no leg it is integrated on, in steps of 0.1 %.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -83,16 +86,14 @@ class PastFoldView:
 
     def _bring(self, value: float) -> None:
         """Move the machine in small steps, and let it jump where it must."""
-        count = max(1, round(abs(value - self.at) / (STEP / 100)))
-        for now in np.linspace(self.at, value, count + 1)[1:]:
+        while self.at != value and (self.leg is not None or self.off.finished):
+            most = (STEP if self.leg is not None else SLOW) / 100
+            now = value if abs(value - self.at) <= most else self.at + math.copysign(most, value - self.at)
             if self.leg is None:
-                break
-            orbit = self.legs.orbit(now, self.leg)
-            if orbit is None or self.legs.verdict(orbit, self.leg) == "unstable":
-                self._jump(self.legs.orbit(self.at, self.leg), float(now))
-            self.at = float(now)
-        if self.leg is None and self.off.finished and self.at != value:
-            self._go_on(self.off, value)
+                self._go_on(self.off, now)
+            elif (orbit := self.legs.orbit(now, self.leg)) is None or self.legs.verdict(orbit, self.leg) == "unstable":
+                self._jump(self.legs.orbit(self.at, self.leg), now)
+            self.at = now
         self.at = value
 
     def _jump(self, start: PeriodicOrbit, value: float) -> None:
@@ -107,11 +108,12 @@ class PastFoldView:
 
     def _go_on(self, start: PeriodicOrbit | Trajectory, value: float, why: str = "") -> None:
         """Integrate at an eccentricity from an orbit or a motion, and find out what it has come to."""
-        more = {} if isinstance(start, Trajectory) else {"disturbance": (1e-6, 1e-6)}
+        more = ({"revolutions": REVOLUTIONS[1]} if isinstance(start, Trajectory) else
+                {"revolutions": REVOLUTIONS[0], "disturbance": (1e-6, 1e-6)})
         self.off = integrate(self.model, METHOD, speed=self.speed, static_eccentricity=value, start=start,
-                             revolutions=REVOLUTIONS, **more)
+                             **more)
         if not self.off.finished:
-            self.story.append(f"{why or f'At {percent(value, 4)}'}: {self.off.stopped}")
+            self.story.append(f"{why or f'At {percent(value, 4)}'}: {_lower(self.off.stopped)}")
             return
         end = self.off.coefficients(self.legs.branch.equations.harmonics)
         for number in range(len(self.legs.all)):
@@ -141,3 +143,7 @@ class PastFoldView:
             self.motion.set_data(*(MM * self.off.last(min(8.0, self.off.revolutions))[1]))
         self.words.set_text("" if self.leg is not None else "no orbit" if self.off.finished else "contact")
         self.words.set_color(PURPLE if self.leg is None and self.off.finished else COLOURS["unstable"])
+
+
+def _lower(sentence: str) -> str:
+    return sentence[:1].lower() + sentence[1:]
