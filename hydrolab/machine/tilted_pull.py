@@ -59,8 +59,12 @@ class TiltedPull:
         return self.upright.potential(e) @ weight
 
     def _ends(self, u: NDArray) -> NDArray:
-        """Eccentricity of the top and the bottom of the rim, (2, …, 2); no other height comes nearer to the stator."""
-        return u[:2, ..., None] + u[2:, ..., None] * (self.height / 2 * np.array([-1.0, 1.0]))
+        """Eccentricity of the top and the bottom of the rim, (2, …, 2); no other height comes nearer to the stator.
+
+        Where u is (x, z) alone the rotor is taken as upright.
+        """
+        lean = u[2:, ..., None] if len(u) > 2 else 0 * u[..., None]
+        return u[:2, ..., None] + lean * (self.height / 2 * np.array([-1.0, 1.0]))
 
     def smallest_gap(self, u: NDArray) -> NDArray:
         """Smallest air gap around the circumference and over the height, m."""
