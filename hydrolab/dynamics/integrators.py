@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from hydrolab.dynamics.condensation import condense
 from hydrolab.dynamics.reduction import reduce
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory, contact_sentence
-from hydrolab.dynamics.time_methods import Block, CentralDifference, Newmark, RungeKutta, Task
+from hydrolab.dynamics.task import Task
+from hydrolab.dynamics.time_methods import Block, CentralDifference, Newmark, RungeKutta
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 

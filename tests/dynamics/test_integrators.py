@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hydrolab import CentralDifference, HarmonicBalance, Newmark, RungeKutta, integrate, reduce, truncation_error
-from hydrolab.dynamics.time_methods import Task, central_difference_matrices, newmark_matrices
+from hydrolab.dynamics.task import Task
+from hydrolab.dynamics.time_methods import central_difference_matrices, newmark_matrices
 from hydrolab.errors import BadInput
 from hydrolab.machine.forces import CircularPull, LinearPull, ShapedPull
 from hydrolab.machine.model import Model
