@@ -21,6 +21,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 from viser import (
+    ClientHandle,
     GuiButtonGroupHandle,
     GuiButtonHandle,
     GuiCheckboxHandle,
@@ -181,6 +182,12 @@ def is_allowed(client: WebsockClientConnection, message: GuiUpdateMessage) -> bo
     if not isinstance(handle, GuiButtonHandle):
         client.queue_message(GuiUpdateMessage(message.uuid, {"value": handle.value}))
     return False
+
+
+def address_of(client: ClientHandle) -> str:
+    """The address a client comes from; "" where it has gone."""
+    connection = client._viser_server._websock_server._live_connections.get(client.client_id)
+    return connection.remote_address[0] if connection else ""
 
 
 def is_no_clients_mistake(record: logging.LogRecord) -> bool:

@@ -43,6 +43,12 @@ class Step:
     ask: str
     holds: Mapping[str, float]
 
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The state in the units of the scene: eccentricity as a fraction of the gap, legs counted from 0."""
+        own = dict(self.state)
+        return {"static_eccentricity": own.pop("eccentricity") / 100, "leg": int(own.pop("orbit")) - 1, **own}
+
 
 @dataclass(frozen=True)
 class RunSheet:
