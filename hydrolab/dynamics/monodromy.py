@@ -1,9 +1,10 @@
 """Monodromy matrices of many orbits at once.
 
-A disturbance s of an orbit obeys ṡ = A s + push (J(t) − J₀) watch s: constant but for a part of rank two. Over a step the
-constant part, which holds the slope J₀ of the centred pull, is advanced exactly by its exponential; the rest kicks the
-velocities in the middle of the step (Strang splitting). The error has even powers of the step only, so Richardson's
-extrapolation from n, 2n (and 4n) steps gives fourth (sixth) order.
+A disturbance s of an orbit obeys ṡ = A s + push (J(t) − J₀) watch s: constant but for a part of rank c, the number of
+nonlinear coordinates. Over a step the constant part, which holds the slope J₀ at the centre, is advanced exactly by its
+exponential; the rest kicks the velocities in the middle of the step (Strang splitting). A force that depends on the
+velocity changes during its own kick; the midpoint rule keeps the step symmetric. So the error has even powers of the step
+only, and Richardson's extrapolation from n, 2n (and 4n) steps gives fourth (sixth) order.
 """
 
 from __future__ import annotations
@@ -11,47 +12,62 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.condensation import fourier_rows
+from hydrolab.dynamics.condensation import fourier_rows, rate_rows
 from hydrolab.dynamics.splitting import Split, flows
 
 NEAR = 0.9
 
 
-def strang_product(system: Split, coefficients: NDArray, centre: NDArray, steps: int) -> NDArray:
-    """Monodromy matrices (P, 2r, 2r) with `steps` steps in the period, of second order.
+def strang_product(system: Split, coefficients: NDArray, centre: NDArray, steps: int, revolutions: int = 1) -> NDArray:
+    """Monodromy matrices (P, 2r, 2r) with `steps` steps in a revolution, of second order.
 
-    coefficients: [mean, sin 1, cos 1, …] of the generator's x and z, m, (P, 2, 2m + 1). centre: (P, 2), m.
+    coefficients: [mean, sin 1, cos 1, …] of the nonlinear coordinates, m, (P, c, 2m + 1). centre: (P, 2), m.
+    revolutions: in a period.
     """
-    points, n = len(coefficients), len(system.constant)
+    points, n, c = len(coefficients), len(system.constant), coefficients.shape[1]
     h = 2 * np.pi / system.speed / steps
-    rows = fourier_rows(coefficients.shape[2] // 2, 2 * np.pi * (np.arange(steps) + 0.5) / steps)
-    path = (coefficients @ rows - centre[:, :, None]).transpose(1, 0, 2)
-    slope = h * (system.model.law.linearise(path)[1] - system.slope[:, :, None, None])
+    total = steps * revolutions
+    turn = 2 * np.pi * (np.arange(total) + 0.5) / total
+    harmonics, law = coefficients.shape[2] // 2, system.model.law
+    path = system.model.relative((coefficients @ fourier_rows(harmonics, turn)).transpose(1, 0, 2), centre.T[:, :, None])
+    if law.moving:
+        velocity = (coefficients @ rate_rows(harmonics, turn)).transpose(1, 0, 2) * system.speed / revolutions
+        _, slope, damping = law.linearise_at(path, velocity, revolutions * turn)
+        midpoint = np.eye(c) - h / 2 * np.einsum("ijpt,jk->ptik", damping, system.watch_rate @ system.push)
+        slope, damping = (np.linalg.solve(midpoint, h * d.transpose(2, 3, 0, 1)).transpose(2, 3, 0, 1)
+                          for d in (slope - system.slope[:, :, None, None], damping))
+    else:
+        slope = h * (law.linearise(path)[1] - system.slope[:, :, None, None])
     flow, half = flows(system, steps)
     pushed = flow @ system.push
     product = np.tile(half, (1, points))  # states × (points · columns): one matrix product moves all
 
     def kicks(step: int) -> NDArray:
-        seen = (system.watch @ product).reshape(2, points, n)
-        return np.einsum("ijp,jpc->ipc", slope[..., step], seen).reshape(2, -1)
+        kick = np.einsum("ijp,jpc->ipc", slope[..., step], (system.watch @ product).reshape(c, points, n))
+        if law.moving:
+            kick += np.einsum("ijp,jpc->ipc", damping[..., step], (system.watch_rate @ product).reshape(c, points, n))
+        return kick.reshape(c, -1)
 
-    for step in range(steps - 1):
+    for step in range(total - 1):
         product = flow @ product + pushed @ kicks(step)
-    product = half @ (product + system.push @ kicks(steps - 1))
+    product = half @ (product + system.push @ kicks(total - 1))
     return product.reshape(n, points, n).transpose(1, 0, 2)
 
 
-def monodromy(system: Split, coefficients: NDArray, centre: NDArray, steps: int) -> tuple[NDArray, NDArray]:
+def monodromy(system: Split, coefficients: NDArray, centre: NDArray, steps: int,
+              revolutions: int = 1) -> tuple[NDArray, NDArray]:
     """Monodromy matrices, (P, 2r, 2r), of sixth and of fourth order, from `steps`, twice and four times as many."""
     with np.errstate(over="ignore", invalid="ignore"):  # what grows beyond all numbers has no multipliers to speak of
-        coarse, middle, fine = (strang_product(system, coefficients, centre, n) for n in (steps, 2 * steps, 4 * steps))
+        coarse, middle, fine = (strang_product(system, coefficients, centre, n, revolutions)
+                                for n in (steps, 2 * steps, 4 * steps))
         rough, good = (4 * middle - coarse) / 3, (4 * fine - middle) / 3
         return good + (good - rough) / 15, good
 
 
-def multipliers(system: Split, coefficients: NDArray, centre: NDArray, steps: int) -> tuple[NDArray, NDArray]:
+def multipliers(system: Split, coefficients: NDArray, centre: NDArray, steps: int,
+                revolutions: int = 1) -> tuple[NDArray, NDArray]:
     """Floquet multipliers, largest first, (P, 2r), and how far they are known, (P,): the change from the lower order."""
-    best, good = (eigenvalues(m) for m in monodromy(system, coefficients, centre, steps))
+    best, good = (eigenvalues(m) for m in monodromy(system, coefficients, centre, steps, revolutions))
     return best, moved(best, good)
 
 

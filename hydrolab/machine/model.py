@@ -28,8 +28,9 @@ class Model:
 
     M, C, G, K: mass, damping, gyroscopic and stiffness matrices, shape (n, n), SI units.
     unbalance_sin, unbalance_cos: F₁ and F₂, kg m, shape (n,); the force is Ω² (F₁ sin Ωt + F₂ cos Ωt).
-    selection: S, shape (2, n): position (x, z) of the generator centre from the DOFs.
-    law: the pull on those coordinates. gap: nominal air gap, m (inf if there is none).
+    selection: S, shape (c, n): the nonlinear coordinates from the DOFs; the first two are the position (x, z) of the
+    generator centre. law: the forces on those coordinates, the pull and whatever else is not linear. gap: nominal air
+    gap, m (inf if there is none).
     depths: y of each node, m. shaft_map: maps q to the nodes' DOFs, shape (nodes · DOFs per node, n).
     rayleigh: the coefficients (α, β) of C = αM + βK, 0 where there is no such damping.
     supports: for each isotropic radial bearing, the rows that pick its (x, z) from q, shape (2, n);
@@ -82,6 +83,12 @@ class Model:
         if not static_eccentricity:
             return np.zeros(2)
         return static_eccentricity * self.gap * np.array([math.sin(direction), math.cos(direction)])
+
+    def relative(self, coordinates: NDArray, centre: NDArray) -> NDArray:
+        """The nonlinear coordinates, (c, …), with the generator's (x, z) counted from the stator centre, (2, …), m."""
+        out = coordinates.copy()
+        out[:2] -= centre
+        return out
 
     def with_field(self, ratio: float) -> Model:
         """The same rotor with the flux density multiplied by `ratio` (0 switches the field off)."""
