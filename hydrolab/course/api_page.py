@@ -61,9 +61,21 @@ def _methods(value: Any) -> Iterator[tuple[str, Any]]:
 
 def _signature(name: str, value: Any) -> str:
     try:
-        return f"{name}{inspect.signature(value)}"
+        found = inspect.signature(value)
     except (TypeError, ValueError):
         return name
+    shown = [parameter.replace(annotation=_bare(parameter.annotation)) for parameter in found.parameters.values()]
+    return f"{name}{found.replace(parameters=shown, return_annotation=_bare(found.return_annotation))}"
+
+
+class _Bare(str):
+    """An annotation that shows without quotation marks."""
+
+    __repr__ = str.__str__
+
+
+def _bare(annotation: Any) -> Any:
+    return _Bare(annotation) if isinstance(annotation, str) else annotation
 
 
 def _first_sentence(value: Any) -> str:

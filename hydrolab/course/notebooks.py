@@ -1,7 +1,8 @@
 """Notebooks with fresh, clean outputs: execute, take out what changes from run to run, say what changed.
 
-`python -m hydrolab.course.notebooks book/*.ipynb` writes; with --check it only compares, pixels aside, and returns 1
-where a stored notebook is stale or not clean. Two executions give the same bytes.
+`hydrolab book --refresh` writes; with --check it only compares, pixels aside, and returns 1 where a stored notebook is
+stale or not clean. `python -m hydrolab.course.notebooks FILE …` does so for any notebook. Two executions give the same
+bytes.
 """
 
 from __future__ import annotations
@@ -260,11 +261,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("notebooks", nargs="+", type=Path, metavar="NOTEBOOK")
     parser.add_argument("--check", action="store_true", help="compare with what is stored, write nothing")
     options = parser.parse_args(arguments)
+    return _refresh_each(options.notebooks, check=options.check)
+
+
+def refresh_all(book: Path, chapters: Sequence[str] = (), *, check: bool = False) -> int:
+    """Refresh the chapters of these numbers, or all of them; return as `main` does.
+
+    Raises BadInput for a chapter that the book has not.
+    """
+    paths = {str(int(path.name[:2])): path for path in sorted(book.glob("[0-9][0-9]-*.ipynb"))}
+    wanted = [chapter.lstrip("0") or "0" for chapter in chapters]
+    if missing := [chapter for chapter in wanted if chapter not in paths]:
+        raise BadInput(f"The book has no chapter {', '.join(missing)}; it has {', '.join(paths)}.")
+    return _refresh_each([paths[chapter] for chapter in wanted or paths], check=check)
+
+
+def _refresh_each(paths: Sequence[Path], *, check: bool) -> int:
     code = 0
-    for path in options.notebooks:
+    for path in paths:
         start = time.perf_counter()
         try:
-            well, said = refresh(path, check=options.check)
+            well, said = refresh(path, check=check)
             code = max(code, 0 if well else 1)
         except BadInput as error:
             said, code = str(error), 2

@@ -53,7 +53,7 @@ def contents(book: Path, more: Sequence[str] = ()) -> str:
     lists = {part: [name for name in names if int(name[:2]) in numbers] for part, numbers in PARTS.items()}
     lists |= {"Reference": list(PAGES), "For instructors": list(more)}
     return "\n".join(line for part, pages in lists.items() if pages
-                     for line in ("", "```{toctree}", f":caption: {part}", "", *pages, "```", ""))
+                     for line in ("", "```{toctree}", f":caption: {part}", ":titlesonly:", "", *pages, "```", ""))
 
 
 def equations(book: Path) -> dict[str, str]:
