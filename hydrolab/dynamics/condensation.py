@@ -99,7 +99,7 @@ class Condensed:
     def residual(self, y: NDArray, centre: NDArray) -> NDArray:
         """H(Y) of Eq. (19), scaled; centre: stator centre, m."""
         position, law = self.position(y, centre), self.model.law
-        force = law.force_at(position, self.velocity(y), self.phase) if law.moving else law.force(position)
+        force = law.force_at(position, self.velocity(y), self.phase, self.speed) if law.moving else law.force(position)
         return self.stiffness @ (y - self.linear.ravel()) - (force @ self.analysis).ravel()
 
     def linearise(self, y: NDArray, centre: NDArray) -> tuple[NDArray, NDArray]:
@@ -107,7 +107,7 @@ class Condensed:
         position, law = self.position(y, centre), self.model.law
         c, columns, samples = len(position), *self.synthesis.shape
         if law.moving:
-            force, slope, damping = law.linearise_at(position, self.velocity(y), self.phase)
+            force, slope, damping = law.linearise_at(position, self.velocity(y), self.phase, self.speed)
             pull = (slope.reshape(c * c, samples) @ self.products
                     + damping.reshape(c * c, samples) @ self.rate_products)
         else:

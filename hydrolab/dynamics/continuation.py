@@ -171,7 +171,7 @@ def _smallest_gap(along: Path, y: NDArray, value: float) -> float:
     """Smallest gap of an orbit over the AFT samples, m."""
     problem = along.at(value)
     eq = problem.equations
-    return float(np.min(eq.model.law.smallest_gap(eq.position(y, problem.centre)[:2])))
+    return float(np.min(eq.model.law.smallest_gap(eq.position(y, problem.centre))))
 
 
 def _comes_back(steps: list[Step]) -> bool:

@@ -55,7 +55,7 @@ def solve_full(model: Model, speed: float, static_eccentricity: float = 0.0, har
         for _ in range(30):
             X = Y.reshape(columns, n).T
             place, rate = S @ X @ into_time - centre, S @ X @ into_rate
-            pull, slope, damping = law.linearise_at(place, rate, phase) if law.moving else (*law.linearise(place), 0)
+            pull, slope, damping = law.linearise_at(place, rate, phase, speed) if law.moving else (*law.linearise(place), 0)
             H = constant @ Y - ((unbalance + S.T @ pull) @ into_coefficients).T.ravel()
             # ∂Z_k/∂Y_l = Sᵀ [Σ_t into_coefficients(t, k) ∂F/∂u(t) into_time(l, t)] S
             between = np.einsum("tk,ijt,lt->kilj", into_coefficients, slope, into_time)

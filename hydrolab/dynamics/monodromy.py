@@ -32,7 +32,7 @@ def strang_product(system: Split, coefficients: NDArray, centre: NDArray, steps:
     path = system.model.relative((coefficients @ fourier_rows(harmonics, turn)).transpose(1, 0, 2), centre.T[:, :, None])
     if law.moving:
         velocity = (coefficients @ rate_rows(harmonics, turn)).transpose(1, 0, 2) * system.speed / revolutions
-        _, slope, damping = law.linearise_at(path, velocity, revolutions * turn)
+        _, slope, damping = law.linearise_at(path, velocity, revolutions * turn, system.speed)
         midpoint = np.eye(c) - h / 2 * np.einsum("ijpt,jk->ptik", damping, system.watch_rate @ system.push)
         slope, damping = (np.linalg.solve(midpoint, h * d.transpose(2, 3, 0, 1)).transpose(2, 3, 0, 1)
                           for d in (slope - system.slope[:, :, None, None], damping))

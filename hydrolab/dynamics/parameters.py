@@ -20,6 +20,7 @@ from hydrolab.machine.model import Model
 from hydrolab.machine.several import force_at
 
 REACH = 10.0  # parameters other than angles and eccentricities are scaled by this times their first value
+NEARBY = 1e-6  # relative change of the speed for the forces' derivative by it
 
 
 def path(model: Model, parameter: str, balance: HarmonicBalance, speed: float, static_eccentricity: float,
@@ -77,7 +78,7 @@ def _field(here: Problem, balance: HarmonicBalance) -> Path:
     def slope(problem: Problem, value: float, y: NDArray, jacobian: NDArray) -> NDArray:
         position, velocity = own.position(y, problem.centre), own.velocity(y)
         laws = own.model.law, own.model.law.scaled(0.0)
-        with_it, without = (force_at(law, position, velocity, own.phase) for law in laws)
+        with_it, without = (force_at(law, position, velocity, own.phase, own.speed) for law in laws)
         return -2 * value * ((with_it - without) @ own.analysis).ravel()  # the pull goes with the square
 
     return Path("field", "times its own", 1.0, REACH,
@@ -104,10 +105,11 @@ def _speed(here: Problem, balance: HarmonicBalance) -> Path:
                    for k in np.arange(balance.harmonics + 1) / balance.revolutions]
         load = 2 * value * (model.unbalance_cos - 1j * model.unbalance_sin)
         change = _linear_slope(eq, dynamic, load, y)
-        if model.law.moving:  # velocities of the same orbit grow with the speed
-            velocity = eq.velocity(y)
-            damping = model.law.linearise_at(eq.position(y, problem.centre), velocity, eq.phase)[2]
-            change -= (np.einsum("ijn,jn->in", damping, velocity / value) @ eq.analysis).ravel()
+        if model.law.moving:  # velocities of the same orbit grow with the speed, and a film knows the speed itself
+            position, velocity = eq.position(y, problem.centre), eq.velocity(y)
+            faster, slower = (model.law.force_at(position, (1 + h) * velocity, eq.phase, (1 + h) * value)
+                              for h in (NEARBY, -NEARBY))
+            change -= ((faster - slower) / (2 * NEARBY * value) @ eq.analysis).ravel()
         return change
 
     return Path("speed", "rad/s", here.equations.speed, REACH * here.equations.speed,

@@ -75,12 +75,20 @@ class PeriodicOrbit:
         """√(A_k² + B_k²) of x and z for k = 1 … m, m 0-to-peak, shape (2, m); the paper's section 5.2."""
         return np.hypot(self.coefficients[:, 1::2], self.coefficients[:, 2::2])
 
-    def positions(self, phase: NDArray) -> NDArray:
-        """Position (x, z) of the generator centre at the phases Ωt (rad), m, shape (2, len(phase))."""
+    def coordinates(self, phase: NDArray) -> NDArray:
+        """All c nonlinear coordinates at the phases Ωt (rad), shape (c, len(phase))."""
         phase = np.asarray(phase, dtype=float) / self.revolutions
         k = np.arange(1, self.harmonics + 1)[:, None]
-        return (self.coefficients[:, :1] + self.coefficients[:, 1::2] @ np.sin(k * phase)
-                + self.coefficients[:, 2::2] @ np.cos(k * phase))
+        return self.local[:, :1] + self.local[:, 1::2] @ np.sin(k * phase) + self.local[:, 2::2] @ np.cos(k * phase)
+
+    def positions(self, phase: NDArray) -> NDArray:
+        """Position (x, z) of the generator centre at the phases Ωt (rad), m, shape (2, len(phase))."""
+        return self.coordinates(phase)[:2]
+
+    @cached_property
+    def _around(self) -> NDArray:
+        """The nonlinear coordinates around the period as the law takes them, (c, 360)."""
+        return self.model.relative(self.coordinates(self.revolutions * PERIOD), self.centre[:, None])
 
     def velocities(self, phase: NDArray) -> NDArray:
         """Velocity of the generator centre at the phases Ωt (rad), m/s, shape (2, len(phase))."""
@@ -106,8 +114,7 @@ class PeriodicOrbit:
     @cached_property
     def smallest_gap(self) -> float:
         """Smallest air gap over the period and the circumference, m (inf where there is no gap)."""
-        around = self.positions(self.revolutions * PERIOD) - self.centre[:, None]
-        return float(np.min(self.model.law.smallest_gap(around)))
+        return float(np.min(self.model.law.smallest_gap(self._around)))
 
     def require_clear(self) -> None:
         """Raise Contact, with the angle and the time, if the rotor touches the stator anywhere on this orbit.
@@ -116,7 +123,7 @@ class PeriodicOrbit:
         """
         if self.smallest_gap > 0:
             return
-        e = self.positions(self.revolutions * PERIOD) - self.centre[:, None]
+        e = self._around
         first = int(np.argmax(self.model.law.smallest_gap(e) <= 0))
         raise Contact(f"The steady state at {100 * self.static_eccentricity:.4g} % would touch the stator: "
                       + contact_sentence(self.revolutions * PERIOD[first] / self.speed, self.speed,

@@ -64,7 +64,7 @@ def split(model: Model, speed: float, modes: int = 12) -> Split:
     small = reduce(model, modes, gyroscopic=True)
     r, inverse = small.size, np.linalg.inv(small.M)
     rest = np.zeros(len(small.selection))
-    slope = linearise_at(small.law, rest, rest, 0.0)[1]
+    slope = linearise_at(small.law, rest, rest, 0.0, speed)[1]
     stiffness = small.K - small.selection.T @ slope @ small.selection
     velocity = small.velocity_matrix(speed)
     constant = np.block([[np.zeros((r, r)), np.eye(r)], [-inverse @ stiffness, -inverse @ velocity]])

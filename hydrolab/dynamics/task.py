@@ -38,11 +38,11 @@ class Task:
 
     def force(self, time: float, u: NDArray, rate: NDArray) -> NDArray:
         """Forces on the nonlinear coordinates u with velocities `rate`, N."""
-        return force_at(self.law(time), self.model.relative(u, self.centre), rate, self.speed * time)
+        return force_at(self.law(time), self.model.relative(u, self.centre), rate, self.speed * time, self.speed)
 
     def linearise(self, time: float, u: NDArray, rate: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Forces, N, and their derivatives by position, N/m, and velocity, N s/m."""
-        return linearise_at(self.law(time), self.model.relative(u, self.centre), rate, self.speed * time)
+        return linearise_at(self.law(time), self.model.relative(u, self.centre), rate, self.speed * time, self.speed)
 
     def unbalance(self, time: float) -> NDArray:
         """Unbalance force on all DOFs, N."""

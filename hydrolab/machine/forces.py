@@ -21,8 +21,8 @@ class ForceLaw(Protocol):
     """What a solver asks of a force law.
 
     moving: whether the force also depends on the velocity or on the phase Ωt of the rotation. Such a law has
-    `force_at(e, velocity, phase)` and `linearise_at(e, velocity, phase)`, which also returns ∂F_i/∂ė_j, N s/m, in place
-    of the first two; phase, rad, is broadcast against the axes of e after its first.
+    `force_at(e, velocity, phase, speed)` and `linearise_at(e, velocity, phase, speed)`, which also returns ∂F_i/∂ė_j,
+    N s/m, in place of the first two; phase, rad, is broadcast against the axes of e after its first, speed is Ω, rad/s.
     """
 
     moving: bool
@@ -34,7 +34,7 @@ class ForceLaw(Protocol):
         """Force, N, and its derivative, N/m, with one more axis in front."""
 
     def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap around the circumference, m; e: (x, z) of the rotor centre alone."""
+        """Smallest air gap around the circumference, m; e: all of the law's coordinates, or (x, z) alone."""
 
     def gap_angle(self, e: NDArray) -> NDArray:
         """Gap angle of the smallest gap, rad, from z towards x."""

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
+from hydrolab.machine.attach import attach
 from hydrolab.machine.damping import rayleigh_coefficients
 from hydrolab.machine.elements import shaft_element
-from hydrolab.machine.forces import CircularPull, ForceLaw
+from hydrolab.machine.forces import ForceLaw
 from hydrolab.machine.parts import Machine, RigidBody
 
 NO_GAP_SCALE = 1e-3  # m; length that scales unknowns where a machine has no air gap
@@ -116,6 +117,11 @@ def body_matrices(body: RigidBody) -> tuple[NDArray, NDArray]:
     return np.diag([body.mass, body.mass, body.Id, body.Id]), gyroscopic
 
 
+def add_spring(K: NDArray, first: int, stiffness: float) -> None:
+    """Add an isotropic spring, N/m, to a stiffness matrix, on the (x, z) that begin at DOF `first`."""
+    K[[first, first + 1], [first, first + 1]] += stiffness
+
+
 def assemble(machine: Machine) -> Model:
     """Assemble the model of a machine; four DOFs a node (x, z, θx, θz), or two for a point mass."""
     per_node = 2 if machine.shaft is None else 4
@@ -160,11 +166,16 @@ def assemble(machine: Machine) -> Model:
     for bearing in machine.thrust_bearings:
         tilt = slice(4 * bearing.node + 2, 4 * bearing.node + 4)
         K[tilt, tilt] += bearing.tilt_stiffness * np.eye(2)
+    law, selection = attach(machine, per_node, selection)
+    # A linear bearing stands for each nonlinear one, and its law takes it back; Rayleigh damping counts pads as closed.
+    for pads in machine.pad_bearings:
+        add_spring(K, per_node * pads.node, pads.law().reference)
     rayleigh = rayleigh_coefficients(M, K, machine.damping.ratio) if machine.damping else (0.0, 0.0)
     C += rayleigh[0] * M + rayleigh[1] * K
+    for film in machine.films:
+        add_spring(K, per_node * film.node, film.law(machine.speed).reference)
 
     gap = machine.air_gap.gap if machine.air_gap else math.inf
-    law = CircularPull(machine.air_gap.pull_stiffness if machine.air_gap else 0.0, gap)
     depths = machine.shaft.nodes if machine.shaft else np.zeros(1)
     return Model(machine.name, M, C, G, K, unbalance_sin, unbalance_cos, selection, law, gap,
                  depths, np.eye(n), rayleigh, supports, support_stiffness)

@@ -21,10 +21,10 @@ class Film:
     order: float = 2.0
     moving = True
 
-    def force_at(self, e, velocity, phase):
-        return self.linearise_at(e, velocity, phase)[0]
+    def force_at(self, e, velocity, phase, speed):
+        return self.linearise_at(e, velocity, phase, speed)[0]
 
-    def linearise_at(self, e, velocity, phase):
+    def linearise_at(self, e, velocity, phase, speed):
         square = (e * e).sum(axis=0)
         one = np.eye(2).reshape(2, 2, *(1,) * (e.ndim - 1))
         stir = self.stirring * np.cos(self.order * phase + 0 * square)
@@ -107,7 +107,7 @@ def test_multipliers(machine, speed):
         u = orbit.local[:, 0] + orbit.local[:, 1::2] @ sine + orbit.local[:, 2::2] @ cosine
         v = orbit.local[:, 1::2] @ (turn * cosine) - orbit.local[:, 2::2] @ (turn * sine)
         u[:2] -= orbit.centre
-        _, slope, damping = model.law.linearise_at(u, v, speed * t)
+        _, slope, damping = model.law.linearise_at(u, v, speed * t, speed)
         S = model.selection
         force = S.T @ (slope @ S @ s[:r] + damping @ S @ s[r:]) - model.K @ s[:r] - model.velocity_matrix(speed) @ s[r:]
         return np.vstack([s[r:], np.linalg.solve(model.M, force)]).ravel()
@@ -145,8 +145,8 @@ def test_slopes_of_paths(machine, speed, parameter):
 def test_only_the_pull_goes_with_the_field(machine):
     e, v = np.full((4, 3), 1e-4), np.full((4, 3), 1e-3)
     dark = machine.with_field(0).law
-    assert np.abs(dark.force_at(e, v, 0.0)[:2]).max() == 0
-    assert np.array_equal(dark.force_at(e, v, 0.0)[2:], machine.law.force_at(e, v, 0.0)[2:])
+    assert np.abs(dark.force_at(e, v, 0.0, 10.0)[:2]).max() == 0
+    assert np.array_equal(dark.force_at(e, v, 0.0, 10.0)[2:], machine.law.force_at(e, v, 0.0, 10.0)[2:])
 
 
 def test_many_motions_at_once_are_refused(machine, speed):
