@@ -26,7 +26,7 @@ LAYERS = [
     ["hydrolab.machine.model", "hydrolab.machine.cards"],
     ["hydrolab.machine"],
     ["hydrolab.dynamics"],
-    ["hydrolab.maps"],
+    ["hydrolab.maps", "hydrolab.faults"],
     ["hydrolab"],  # the names a chapter imports
     ["hydrolab.show"],
     ["hydrolab.course", "hydrolab.*"],  # the study and what belongs to it lie beside the packages

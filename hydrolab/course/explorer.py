@@ -1,59 +1,31 @@
-"""A picture with sliders. A plain view function decides what is seen; the explorer only asks it again."""
+"""Sliders for a view that a chapter writes in its own cell: a function from the sliders' values to a `Picture`."""
 
 from __future__ import annotations
 
-import html
-import io
 from collections.abc import Callable
 from typing import Any
 
-import ipywidgets as widgets
-from matplotlib.image import imsave
-
+from hydrolab.show.explorer import FigureExplorer
+from hydrolab.show.kept_figure import KeptFigure
 from hydrolab.show.picture import Picture
-from hydrolab.show.style import CSS_DOTS_PER_INCH, house_style
+from hydrolab.show.style import new_figure
 
 
-class Explorer(widgets.VBox):
-    """Sliders above a picture and its reading.
+class Explorer(FigureExplorer):
+    """A `FigureExplorer` of a view that returns a `Picture`: of one kept figure, which is quickest, or of a new one.
 
-    view: from the sliders' values, by name, to a `Picture`. One kept figure whose lines it moves is quickest: the
-    margins stay as they were for the first picture. Without a kernel, as in a stored notebook, that one is shown.
+    The margins stay as they were for the first picture.
     """
 
     def __init__(self, view: Callable[..., Picture], **sliders: Any) -> None:
-        self.view, self.sliders = view, sliders
+        kept = KeptFigure(new_figure(1, 1), ())  # until the view is asked for the first time
+
+        def show(**values: Any) -> str:
+            picture = view(**values)
+            kept.figure = picture.figure
+            kept.redraw()
+            return picture.reading
+
         for slider in sliders.values():
-            slider.style.description_width = "10em"
-            slider.layout.width = "min(44em, 98%)"
-            slider.observe(self._show, "value")
-        first = self.picture()
-        self._stored = first._repr_mimebundle_()
-        first.figure.set_layout_engine("none")  # half the time of a new picture goes into margins
-        width = f"{round(first.figure.get_figwidth() * CSS_DOTS_PER_INCH)}px"
-        self.image = widgets.Image(format="png", layout={"width": width, "max_width": "98%", "object_fit": "contain"})
-        self.words = widgets.HTML()
-        self._show()
-        super().__init__([*sliders.values(), self.image, self.words])
-
-    def picture(self) -> Picture:
-        """What the view shows for the sliders as they stand."""
-        return self.view(**{name: slider.value for name, slider in self.sliders.items()})
-
-    def _show(self, change: Any = None) -> None:
-        picture = self.picture()
-        self.image.value = _quick_png(picture)
-        self.words.value = f'<div role="status" style="line-height: 1.5">{html.escape(picture.reading)}</div>'
-
-    def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, Any]:
-        return super()._repr_mimebundle_(**kwargs) | self._stored
-
-
-@house_style()
-def _quick_png(picture: Picture) -> bytes:
-    """A PNG for now, drawn once (saving draws twice) and hardly compressed."""
-    canvas = picture.figure.canvas
-    canvas.draw()
-    stream = io.BytesIO()
-    imsave(stream, canvas.buffer_rgba(), format="png", pil_kwargs={"compress_level": 1})
-    return stream.getvalue()
+            slider.layout.width = "min(46em, 98%)"
+        super().__init__(show, kept, sliders)

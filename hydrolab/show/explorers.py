@@ -1,78 +1,23 @@
-"""Explorers: controls above one kept figure, its reading as text below. What is seen is decided by plain views.
-
-A view takes the controls' values, changes its kept figure and returns the reading; it knows no widget. The browser
-holds back a slider's moves while the last one is being drawn and sends the newest afterwards, so a fast drag never
-queues up.
-"""
+"""The explorers of a whole machine: its steady states, its branch, and what lies past the fold."""
 
 from __future__ import annotations
-
-import html
-from collections.abc import Callable, Mapping
-from typing import Any
 
 import ipywidgets as widgets
 import numpy as np
 
-from hydrolab.machine.parts import Machine, RadialBearing
+from hydrolab.machine.cards import load_machine
+from hydrolab.machine.parts import Machine
 from hydrolab.show.branch_view import BranchView
-from hydrolab.show.eccentricity_view import EccentricityView
-from hydrolab.show.kept_figure import KeptFigure
-from hydrolab.show.picture import Picture
-
-
-class FigureExplorer(widgets.VBox):
-    """Controls, a reset button, a picture and its reading.
-
-    view: from the controls' values, by name, to the reading. kept: the figure that it changes. Where there is no
-    kernel, as in a stored notebook, the first picture and its reading stand in its place.
-    """
-
-    def __init__(self, view: Callable[..., str], kept: KeptFigure, controls: Mapping[str, Any]) -> None:
-        self.view, self.kept, self.controls = view, kept, dict(controls)
-        self.initial = {name: control.value for name, control in controls.items()}
-        self.image = widgets.Image(format="png", layout={"width": f"{kept.width}px", "max_width": "98%",
-                                                         "object_fit": "contain"})
-        self.words = widgets.HTML()
-        self.reset = widgets.Button(description="Reset", tooltip="Back to the first values", layout={"width": "7em"})
-        self.reset.on_click(self._back)
-        for control in self.controls.values():
-            control.style.description_width = "13em"
-            control.observe(self._show, "value")
-        self.reading = self._show()
-        self._first = Picture(kept.figure, self.reading)._repr_mimebundle_()  # now, while the figure shows it
-        super().__init__([*self.controls.values(), self.reset, self.image, self.words])
-
-    def _show(self, change: Any = None) -> str:
-        """Ask the view and show its figure and its words."""
-        self.reading = self.view(**{name: control.value for name, control in self.controls.items()})
-        self.image.value = self.kept.png()
-        self.words.value = ('<div role="status" aria-live="polite" style="line-height: 1.5; max-width: 68em">'
-                            f"{html.escape(self.reading)}</div>")
-        return self.reading
-
-    def _back(self, button: widgets.Button) -> None:
-        """Put every control back, and draw once."""
-        for control in self.controls.values():
-            control.unobserve(self._show, "value")
-        for name, control in self.controls.items():
-            control.value = self.initial[name]
-            control.observe(self._show, "value")
-        self._show()
-
-    def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, Any]:
-        return super()._repr_mimebundle_(**kwargs) | self._first
-
-
-def slider(description: str, value: float, low: float, high: float, step: float, digits: int) -> widgets.FloatSlider:
-    """A slider in the explorers' layout, sent while it moves."""
-    return widgets.FloatSlider(value=value, min=low, max=high, step=step, description=description,
-                               readout_format=f".{digits}f", layout={"width": "min(46em, 98%)"})
+from hydrolab.show.eccentricity_view import STEP, EccentricityView
+from hydrolab.show.explorer import FigureExplorer, slider
+from hydrolab.show.machine_views import guide_bearing
+from hydrolab.show.past_fold_view import PastFoldView
 
 
 def eccentricity_explorer(machine: Machine, eccentricity: float | None = None) -> FigureExplorer:
     """The steady state of a machine at any static eccentricity and on any leg of its branch.
 
+    A click on the branch shows the orbit there; slider and buttons reach the same points from the keyboard.
     eccentricity: in per cent, to begin with; by default most of the way to the first fold.
     Raises BadInput for a machine without an air gap, NoConvergence where there is no first steady state.
     """
@@ -80,17 +25,11 @@ def eccentricity_explorer(machine: Machine, eccentricity: float | None = None) -
     legs = view.legs.all
     start = round(0.9 * 100 * legs[0].high, 1) if eccentricity is None else eccentricity
     controls = {
-        "eccentricity": slider("static eccentricity, %", start, 0.0, round(104 * max(leg.high for leg in legs), 1), 0.05, 2),
+        "eccentricity": slider("static eccentricity, %", start, 0.0, round(104 * max(leg.high for leg in legs), 1), STEP, 2),
         "leg": widgets.ToggleButtons(options=view.names, value=1, description="leg of the branch",
                                      style={"button_width": "11em"}),
     }
-    return FigureExplorer(view, view.kept, controls)
-
-
-def guide_bearing(machine: Machine) -> RadialBearing:
-    """The radial bearing nearest to the body in the air gap."""
-    home = machine.body(machine.air_gap.body).node
-    return min(machine.bearings, key=lambda bearing: abs(bearing.node - home))
+    return FigureExplorer(view, view.kept, controls, view.pick)
 
 
 def branch_explorer(machine: Machine, eccentricity: float | None = None) -> FigureExplorer:
@@ -123,3 +62,15 @@ def branch_explorer(machine: Machine, eccentricity: float | None = None) -> Figu
         return view(eccentricity, changes)
 
     return FigureExplorer(show, view.kept, controls)
+
+
+def past_fold_explorer(machine: Machine | None = None, eccentricity: float = 8.5) -> FigureExplorer:
+    """Every orbit there is at an eccentricity, stable or not, and the jumps of a machine that is brought there slowly.
+
+    machine: by default the card "kaplan-150rpm". eccentricity: in per cent, to begin with.
+    Raises BadInput for a machine without an air gap, NoConvergence where there is no first steady state.
+    """
+    view = PastFoldView(machine or load_machine("kaplan-150rpm"))
+    top = round(104 * max(leg.high for leg in view.legs.all), 1)
+    where = slider("static eccentricity, %", eccentricity, 0.0, top, STEP, 2)
+    return FigureExplorer(view, view.kept, {"eccentricity": where}, start=view.begin)

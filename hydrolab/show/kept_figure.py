@@ -15,7 +15,7 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from hydrolab.show.style import CSS_DOTS_PER_INCH, house_style
+from hydrolab.show.style import COLOURS, CSS_DOTS_PER_INCH, house_style
 
 COMPRESSION = 1  # of the PNG: the quickest; larger files do not leave this computer
 
@@ -31,6 +31,7 @@ class KeptFigure:
         for artist in self.moving:
             artist.set_animated(True)  # left out when the still part is drawn, and in when the figure is saved
         self._still: Any = None
+        self._last: NDArray | None = None
 
     @property
     def width(self) -> int:
@@ -53,7 +54,23 @@ class KeptFigure:
         canvas.restore_region(self._still)
         for artist in self.moving:
             artist.draw(renderer)
-        return quick_png(np.asarray(canvas.buffer_rgba()))
+        self._last = np.array(canvas.buffer_rgba())
+        return quick_png(self._last)
+
+    def greyed(self, words: str = "nothing to show here") -> bytes:
+        """The last picture in pale grey with words across it, as PNG; asked again, it does not fade further."""
+        if self._last is None:
+            self.png()
+        renderer = self.figure.canvas.get_renderer()  # anew, where the figure was saved at another resolution
+        pixels = np.asarray(renderer.buffer_rgba())
+        pixels[...] = 255 - 0.35 * (255 - self._last[..., :3].mean(axis=2, keepdims=True))
+        pixels[..., 3] = 255
+        with house_style():
+            note = self.figure.text(0.5, 0.5, words, ha="center", va="center", fontsize=22, color=COLOURS["unstable"],
+                                    bbox={"facecolor": "white", "edgecolor": COLOURS["unstable"], "pad": 12})
+            note.draw(renderer)
+        note.remove()
+        return quick_png(pixels)
 
 
 def quick_png(pixels: NDArray) -> bytes:
