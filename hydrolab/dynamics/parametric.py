@@ -19,6 +19,8 @@ from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.model import Model
 
+KNOWN = 1e-3  # of a multiplier: one that is known less well says nothing
+
 
 def two_pole_band(mass: float, stiffness: float, pull: float, damping: float = 0.0) -> tuple[float, float] | None:
     """Electrical frequencies between which a Jeffcott rotor is unstable, rad/s; None where damping closes the band.
@@ -57,7 +59,7 @@ class StabilityChart:
     """Growth of a small disturbance of the centred rotor over speed and field.
 
     speeds: rad/s, (s,). fields: factors on the card's flux density, (f,). growth: 1/s, the logarithm of the leading
-    multiplier over the period; above zero is unstable, nan where the multipliers are in doubt; (f, s).
+    multiplier over the period; above zero is unstable, nan where it is not known to a thousandth; (f, s).
     """
 
     speeds: NDArray
@@ -102,4 +104,4 @@ def centred_growth(model: Model, speed: float, balance: HarmonicBalance, guard: 
     found = floquet_all([orbit], guard=guard)[0]
     size = abs(found.multipliers[0])
     period = 2 * math.pi * balance.revolutions / speed
-    return math.log(size) / period if np.isfinite(size) and found.verdict != "unknown" else math.nan
+    return math.log(size) / period if found.error < KNOWN * size else math.nan
