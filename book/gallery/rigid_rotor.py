@@ -1,10 +1,10 @@
 """A rigid generator rotor with its hub off the middle of its rim (Gustavsson and Aidanpää 2006).
 
 A rim on a spider is a rigid body with four degrees of freedom. Its hub sits on an elastic shaft between two bearings, a
-distance ℓ above the middle of the rim. The pull acts in the rim's middle, so at the hub it is a force and a moment; where the
-rim leans, each height of it is pulled by its own gap, which adds the moment k h²/12 times the lean. The script asks how far
-off the middle the stator may be before the rotor is pulled over, for any ℓ and place of the hub, and asks the same of the
-Kaplan unit. The parameters are our own, of a 70 MW unit's size.
+distance ℓ above the middle of the rim. The pull acts in the rim's middle, so at the hub it is a force and a moment; where
+the rim leans, each height of it is pulled by its own gap, which adds the moment k h²/12 times the lean. The script asks
+how far off the middle the stator may be before the rotor is pulled over, for any ℓ and place of the hub, and asks the same
+of the Kaplan unit. The parameters are our own, of a 70 MW unit's size.
 """
 
 from dataclasses import replace
@@ -39,7 +39,8 @@ print()
 print("Largest stable static eccentricity, % of the gap (pull that tilts / force in the middle only)")
 print("rim below hub, m " + "".join(f"  hub at {100 * hub:.0f} %  " for hub in hubs))
 for i, distance in enumerate(distances):
-    print(f"{distance:16.2f} " + "".join(f"   {100 * most[h, True][i]:4.1f} / {100 * most[h, False][i]:4.1f}  " for h in hubs))
+    cells = (f"   {100 * most[hub, True][i]:4.1f} / {100 * most[hub, False][i]:4.1f}  " for hub in hubs)
+    print(f"{distance:16.2f} " + "".join(cells))
 
 print()
 middle = equilibrium(unit(0.35, 0.5).model(), 0.0)
@@ -59,7 +60,8 @@ for offset in (-0.6, -0.472, -0.3):
                         air_gap=replace(kaplan.air_gap, tilt=tilt)).model()
         branch = follow(model, to=0.3, speed=rpm(150))
         fold = f"{100 * branch.folds[0].value:.2f} %" if branch.folds else branch.stopped
-        print(f"  {-1e3 * offset:4.0f} mm, {'tilting' if tilt else 'upright'} pull: {100 * largest_offset(model):.2f} %, {fold}")
+        print(f"  {-1e3 * offset:4.0f} mm, {'tilting' if tilt else 'upright'} pull: "
+              f"{100 * largest_offset(model):.2f} %, {fold}")
 
 with house_style():
     figure = new_figure(8, 5)
@@ -72,5 +74,5 @@ with house_style():
     axes.legend()
     figure.savefig("rigid_rotor.png")
 print()
-print("Not reproduced: the paper's 70 MW parameters and its stability maps could not be read, so the numbers are not theirs; "
-      "the dependence on the hub's distance and the possibility of instability are.")
+print("Not reproduced: the paper's 70 MW parameters and its stability maps could not be read, so the numbers are not "
+      "theirs; the dependence on the hub's distance and the possibility of instability are.")
