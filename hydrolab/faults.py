@@ -148,11 +148,10 @@ def _row(fault: Fault, field: float, speed: float, method: HarmonicBalance) -> F
 
 def _steady_state(fault: Fault, field: float, speed: float, method: HarmonicBalance) -> PeriodicOrbit:
     """The steady state, for pads reached from a preload that is opened step by step."""
-    machine, orbit = fault.machine, None
-    for opened in np.linspace(-2, 1, STEPS if machine.pad_bearings else 1, endpoint=True):
-        if machine.pad_bearings:
-            machine = replace(fault.machine, pad_bearings=tuple(
-                replace(p, clearance=opened * abs(p.clearance) if opened < 1 else p.clearance,
-                        rounding=p.rounding or 0.1 * abs(p.clearance)) for p in fault.machine.pad_bearings))
-        orbit = method.solve(machine.model().with_field(field), speed, fault.static_eccentricity, start=orbit)
+    orbit = None
+    for closed in np.linspace(3, 0, STEPS) if fault.machine.pad_bearings else (0.0,):
+        pads = tuple(replace(p, clearance=p.clearance - closed * abs(p.clearance), rounding=p.law().rounding)
+                     for p in fault.machine.pad_bearings)
+        model = replace(fault.machine, pad_bearings=pads).model().with_field(field)
+        orbit = method.solve(model, speed, fault.static_eccentricity, start=orbit)
     return orbit
