@@ -17,8 +17,8 @@ errors = practice_errors(model, speed, np.linspace(0, 0.15, 31), np.linspace(0.3
 row = int(np.argmin(np.abs(errors.fields - 1)))
 print(f"Finding: at the card's field the practice keeps all four numbers within 5 % only up to "
       f"{100 * errors.safe_to(0.05)[row]:.1f} % static eccentricity, and at 8.5 % it sees "
-      f"{100 + 100 * errors.amplitude[row, 17]:.0f} % of the 1X amplitude; the fold at {100 * errors.folds[row]:.2f} % has no "
-      "counterpart in it.")
+      f"{100 + 100 * errors.amplitude[row, 17]:.0f} % of the 1X amplitude. The fold at {100 * errors.folds[row]:.2f} % has "
+      "no counterpart in it.")
 print()
 print("static         critical speed, rpm    1X, µm             bearing force, kN    static bend, µm")
 print("eccentricity   practice  nonlinear    practice  nonlin.  practice  nonlin.    practice  nonlin.")

@@ -46,8 +46,8 @@ def largest(share: float) -> float:
 
 
 check = brentq(largest, 1e-3, 0.2, xtol=1e-7)
-print(f"Finding: a point mass with 1 % of damping is stable up to a tangential pull of {100 * exact:.4f} % of the radial one "
-      f"by the formula and {100 * found:.4f} % by Floquet; the hydropower unit up to {100 * limits[0]:.3f} %.")
+print(f"Finding: a point mass with 1 % of damping is stable up to a tangential pull of {100 * exact:.4f} % of the radial "
+      f"one by the formula and {100 * found:.4f} % by Floquet; the hydropower unit up to {100 * limits[0]:.3f} %.")
 print()
 print(f"The unit: forward whirl grows above {100 * limits[0]:.3f} % (eigenvalues: {100 * check:.3f} %), backward whirl "
       f"below {100 * limits[1]:.3f} %.")

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 
 from hydrolab.dynamics.parametric import StabilityChart
 from hydrolab.dynamics.practice import PracticeErrors
+from hydrolab.errors import BadInput
 from hydrolab.show.picture import Picture
 from hydrolab.show.style import COLOURS, house_style, new_figure
 
@@ -20,7 +21,13 @@ LEVELS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 
 @house_style()
 def practice_map(errors: PracticeErrors) -> Picture:
-    """The error of the practice in each of the four numbers over static eccentricity and field, with the fold."""
+    """The error of the practice in each of the four numbers over static eccentricity and field, with the fold.
+
+    Raises BadInput for fewer than two eccentricities or fields.
+    """
+    if min(errors.worst.shape) < 2:
+        raise BadInput(f"the map has {len(errors.eccentricities)} eccentricities and {len(errors.fields)} fields; a picture "
+                       "of it needs at least 2 of each, and `practice_reading` needs no more than one.")
     figure = new_figure(13, 9)
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
     for axes, (name, words) in zip(panels.flat, NAMES.items(), strict=True):

@@ -1,10 +1,12 @@
 """The maps of the practice and of parametric instability: their readings say what the numbers say."""
 
 import numpy as np
+import pytest
 
+from hydrolab import BadInput
 from hydrolab.dynamics.parametric import StabilityChart
 from hydrolab.dynamics.practice import practice_errors
-from hydrolab.show.practice_figure import practice_map, stability_map
+from hydrolab.show.practice_figure import practice_map, practice_reading, stability_map
 
 
 def test_reading_of_the_practice(peer, speed):
@@ -15,8 +17,10 @@ def test_reading_of_the_practice(peer, speed):
     assert f"within 5 % up to {safe:.3g} %" in picture.reading
     assert f"at {100 * errors.eccentricities[7]:.3g} %, the last point" in picture.reading
     assert f"{100 * errors.amplitude[1, 7]:+.3g} % (1X amplitude)" in picture.reading
-    weak = practice_map(practice_errors(peer, speed, [0.0, 0.01], [0.1])).reading
-    assert "fold" not in weak.replace("before the fold", "")
+    weak = practice_errors(peer, speed, [0.0, 0.01], [0.1])
+    assert "fold" not in practice_reading(weak).replace("before the fold", "")
+    with pytest.raises(BadInput, match="1 fields"):
+        practice_map(weak)
 
 
 def test_reading_of_the_chart():
