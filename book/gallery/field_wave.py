@@ -32,8 +32,8 @@ slipping = loaded(1.25)
 orbit = HarmonicBalance(20, revolutions=2).solve(slipping, unit.speed, OFFSET)
 balance = lines(orbit.positions(4 * np.pi * np.arange(512) / 512), 2)
 motion = integrate(slipping, RungeKutta(1e-9), speed=unit.speed, static_eccentricity=OFFSET, revolutions=2,
-                   start=orbit)
-time = lines(motion.positions, 2)
+                   modes=20, start=orbit)
+time = lines(motion.positions[:, 1:], 2)
 print(f"Finding: with f = 1.25 X the shaft moves at 2f − X = 1.5 X with {balance[3]:.2f} µm and at 2f = 2.5 X with "
       f"{balance[5]:.2f} µm by harmonic balance on two revolutions, {time[3]:.2f} and {time[5]:.2f} µm by integration from "
       f"there; 1X is {balance[2]:.2f} µm.")

@@ -78,19 +78,18 @@ def practice_reading(errors: PracticeErrors) -> str:
 
 @house_style()
 def stability_map(chart: StabilityChart, band: tuple[list[float], list[float], list[float]] | None = None) -> Picture:
-    """The chart over speed and field, unstable points marked; band: exact (fields, low, high), rad/s, where known."""
+    """The chart over speed and field, red where unstable; band: exact (fields, low, high), rad/s, where known."""
     figure = new_figure(10, 6)
     axes = figure.subplots()
     speeds = chart.speeds * 30 / math.pi
     size = np.nanmax(np.abs(chart.growth))
     filled = axes.pcolormesh(speeds, chart.fields, chart.growth, cmap="RdBu_r", vmin=-size, vmax=size, shading="nearest")
     figure.colorbar(filled, ax=axes, label="growth of a disturbance, 1/s")
-    axes.contour(speeds, chart.fields, chart.growth, levels=[0], colors="black")
     if band:
         fields, low, high = band
         for edge, words in ((low, "exact edges, frame that turns with the field"), (high, "")):
             axes.plot(np.array(edge) * 30 / math.pi, fields, "--", color=COLOURS["fold"], linewidth=3, label=words)
-        axes.legend(loc="upper left")
+        axes.legend(loc="lower left")
     axes.set_xlabel("speed, rpm")
     axes.set_ylabel("flux density over the card's")
     return Picture(figure, stability_reading(chart))
