@@ -41,6 +41,7 @@ from hydrolab import (
 )
 from hydrolab.dynamics.condensation import condense
 from hydrolab.dynamics.full_balance import dynamic_matrix, solve_full
+from hydrolab.machine.fault_parts import PadBearing
 from hydrolab.machine.parts import RayleighDamping, Shaft
 
 ROWS = np.arange(0, 0.089, 0.001)
@@ -107,6 +108,28 @@ def test_natural_point(run, make_kaplan, speed, elements):
     branch = run(lambda: sweep(model, HarmonicBalance(), ROWS, speed=speed), f"natural point, {elements} elements",
                  per=len(ROWS), target=120e-6)
     assert len(branch) == len(ROWS)
+
+
+@pytest.mark.parametrize("elements", [12, 48])
+@pytest.mark.parametrize("bearings", [0, 1, 2, 3])
+def test_natural_point_with_further_laws(run, make_kaplan, speed, bearings, elements):
+    """Pads at further nodes: 2(1 + bearings)(2m + 1) unknowns with m = 4, whatever the number of elements."""
+    machine = make_kaplan(elements)
+    pads = tuple(PadBearing(f"pads {i}", 2 + i, 8, 1e7, 1e-4, rounding=5e-5) for i in range(bearings))
+    model = replace(machine, pad_bearings=pads).model()
+    method, rows = HarmonicBalance(), ROWS[:60:6]
+    eq = method.equations(model, speed)
+    branch = run(lambda: sweep(model, method, rows, speed=speed),
+                 f"natural point, {2 + 2 * bearings} coordinates, {eq.linear.size} unknowns, {elements} elements",
+                 per=len(rows))
+    assert len(branch) == len(rows) and eq.linear.size == 2 * (1 + bearings) * 9
+
+
+@pytest.mark.parametrize("bearings", [0, 1, 2, 3])
+def test_what_its_unknowns_cost(run, bearings):
+    size = 2 * (1 + bearings) * 9
+    matrix = np.eye(size) * 5 + 0.1 * np.sin(np.arange(float(size * size))).reshape(size, size)
+    run(lambda: [np.linalg.solve(matrix, matrix[0]) for _ in range(100)], f"one LAPACK solve of {size} unknowns", per=100)
 
 
 def test_natural_point_by_dog_leg(run, unit, speed):
