@@ -1,4 +1,4 @@
-"""The command `hydrolab`: `lab` opens the course, `study` repeats the paper's study on a machine card."""
+"""The command `hydrolab`: `lab` opens the course, `book` builds its pages, `study` repeats the paper's study."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from typing import Any
 from hydrolab import __version__
 from hydrolab.errors import BadInput, Contact, NoConvergence
 
-LEFT_OUT = ("_build", "instructor", "conf.py", ".ipynb_checkpoints", "__pycache__")
+LEFT_OUT = ("_build", "_static", "instructor", "conf.py", "index.md", "bibliography.md", "api.md", ".ipynb_checkpoints",
+            "__pycache__")
 ANNOUNCEMENTS = "@jupyterlab/apputils-extension:announcements"
 
 
@@ -129,6 +130,11 @@ def without_announcements(handler: Any, page: dict[str, Any]) -> dict[str, Any]:
 
 def lab(options: argparse.Namespace) -> int:
     """Copy the course into a working folder, where files already there stay, and open it in JupyterLab."""
+    if options.students is not None:
+        from hydrolab.course.hand_out import hand_out
+
+        print(hand_out(find_book(), course_files(find_book()), options.students))
+        return 0
     if importlib.util.find_spec("jupyterlab") is None:
         raise BadInput(f"JupyterLab is not installed for {sys.executable}; install it with: pip install jupyterlab")
     if options.port is not None:
@@ -165,6 +171,19 @@ def study(options: argparse.Namespace) -> int:
     return study_command(options.card, out=options.out, family=options.family, figures=not options.no_figures)
 
 
+def book(options: argparse.Namespace) -> int:
+    """Build the static book from the stored chapters; with --refresh, run the chapters and store what comes out."""
+    folder = find_book()
+    if options.refresh is not None:
+        from hydrolab.course.notebooks import refresh_all
+
+        return refresh_all(folder, options.refresh, check=options.check)
+    from hydrolab.course.static_book import build
+
+    print(build(folder, options.out or folder / "_build" / "html", instructor=options.instructor))
+    return 0
+
+
 def port_number(text: str) -> int:
     """Return a port from a command line's text."""
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 65535:
@@ -185,7 +204,18 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--port", type=port_number, help="port to listen on (default: 8888 or the next free one)")
     command.add_argument("--ip", default="127.0.0.1", help="address to listen on (default: %(default)s)")
     command.add_argument("--no-browser", action="store_true", help="print the address and open no browser")
+    command.add_argument("--students", type=Path, metavar="DIR",
+                         help="write a copy without solutions into a new folder, and open nothing")
     command.set_defaults(run=lab)
+
+    command = commands.add_parser("book", help="build the static book, or refresh the chapters",
+                                  description=book.__doc__)
+    command.add_argument("--out", type=Path, metavar="DIR", help="folder for the pages (default: book/_build/html)")
+    command.add_argument("--instructor", action="store_true", help="with the pages for instructors")
+    command.add_argument("--refresh", nargs="*", metavar="CHAPTER",
+                         help="execute and clean these chapters (numbers; none: all) and say what changed")
+    command.add_argument("--check", action="store_true", help="with --refresh: compare with what is stored, write nothing")
+    command.set_defaults(run=book)
 
     command = commands.add_parser("study", help="repeat the paper's study", description=study.__doc__)
     command.add_argument("card", nargs="?", default="kaplan-150rpm", metavar="CARD",

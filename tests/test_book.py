@@ -4,23 +4,41 @@ nbval compares the outputs themselves; this reads the files.
 """
 
 import ast
+import json
 import re
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from hydrolab.course import notebooks
+from hydrolab.course import exercises, notebooks
+from hydrolab.course.answers import Exercise
+from hydrolab.show.flipbook import MIME as FLIPBOOK
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
 CHAPTERS = {path.stem: path for path in sorted(BOOK.glob("*.ipynb"))}
 NOTEBOOKS = {name: notebooks.read(path) for name, path in CHAPTERS.items()}
-PARTS = ["After this chapter you can", "## Predict", "## Exercises", "## Summary", "## What next", "## References"]
+PARTS = ["After this chapter you can", "| you need |", "## Predict", "## Exercises", "## What your predictions said",
+         "## Summary", "## What next", "## References"]
+LARGEST = 700_000  # bytes of a stored notebook
+# The chapter that explains a name of the library. `HarmonicBalance`, `follow`, `modes` and `ellipse` serve before
+# theirs, as tools that the text announces as such.
+EXPLAINED = {
+    3: ["integrate", "CentralDifference", "Newmark", "RungeKutta", "hydrolab.dynamics.integrators"],
+    4: ["newton", "powell_dog_leg", "hydrolab.dynamics.solvers"],
+    5: ["Arclength", "floquet", "branch_stability", "stable_orbits_at", "hydrolab.dynamics.stability"],
+    6: ["hydrolab.machine.elements"],
+    7: ["campbell", "hydrolab.machine.damping"],
+    8: ["hydrolab.calibration", "hydrolab.family"],
+    9: ["run_study", "judge", "hydrolab.study", "hydrolab.claims"],
+    10: ["basins", "sweep_in_time", "poincare", "hydrolab.dynamics.basins", "hydrolab.dynamics.hysteresis"],
+}
 TAGS = {"raises-exception", "nbval-ignore-output"}
 # Written so that this file does not hold what it looks for.
 OF_ONE_COMPUTER = re.compile(r"/(?:roo[t]|wor[k]|hom[e]|tm[p]|opt|us[r]|va[r]|User[s])/|[A-Z]:\\|site-package[s]|"
                              r"localhos[t]|127\.0\.0\.\d| at 0x[0-9a-f]{6,}|<ipython-inpu[t]|ipykernel_\d")
-SOLUTION = re.compile(r"```python\n(.*?)```\s*```text\n(.*?)```", re.DOTALL)
+SOLUTION = re.compile(r"```python\n(.*?)```(?:\s*```text\n(.*?)```)?", re.DOTALL)
+SEE = re.compile(r"Eqs?\. \((\d+\.\d+)\)")
 
 pytestmark = pytest.mark.parametrize("chapter", NOTEBOOKS)
 
@@ -70,8 +88,10 @@ def test_nothing_is_hidden(chapter):
     for cell in NOTEBOOKS[chapter]["cells"]:
         assert set(cell["metadata"].get("tags", [])) <= TAGS
         assert not cell["source"].startswith("%%capture")
-    folded = "".join(re.findall(r"<details>.*?</details>", prose(chapter), re.DOTALL))
-    assert r"\tag{" not in folded, "an equation is folded away"
+    folded = re.findall(r"<details>.*?</details>", prose(chapter), re.DOTALL)
+    assert r"\tag{" not in "".join(folded), "an equation is folded away"
+    taught = re.findall(r"<details>.*?</details>", prose(chapter).split("\n## Exercises")[0], re.DOTALL)
+    assert not [text for text in taught if "$$" in text or "```python" in text], "physics is folded away"
 
 
 def test_no_trace_of_one_computer(chapter):
@@ -94,6 +114,13 @@ def test_equations_are_numbered_in_order_and_referenced_rightly(chapter):
     named |= {found for found in re.findall(r"\((\d+\.\d+)\)", without_code(prose(chapter)))
               if found.startswith(f"{number}.")}
     assert named <= everything
+
+
+def test_equations_are_referenced(chapter):
+    named = {found for name in NOTEBOOKS
+             for found in re.findall(r"\((\d+\.\d+)\)", "".join(cell["source"] for cell in NOTEBOOKS[name]["cells"]))}
+    tags = set(re.findall(r"\\tag\{([^}]*)\}", prose(chapter)))
+    assert not tags - named, "an equation has a number and nobody uses it"
 
 
 def test_links_lead_to_files_of_the_book(chapter):
@@ -129,15 +156,125 @@ def test_has_the_parts_of_a_chapter(chapter):
     assert "ncertain" in text, "say what is uncertain"
 
 
-def test_exercises_have_a_stub_and_a_folded_solution(chapter):
+def checks_in(source: str) -> dict[str, str]:
+    """The checks of a cell: number of the exercise → the line that checks it."""
+    calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)
+             and isinstance(node.func, ast.Name) and node.func.id == "check"]
+    return {ast.literal_eval(call.args[0]): ast.unparse(call) for call in calls}
+
+
+def assigned(source: str, *, stubs: bool = False) -> set[str]:
+    """Names that a cell assigns at its top level, or only those that it assigns `...`."""
+    found = set()
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.Assign) and (not stubs or ast.unparse(node.value) == "..."):
+            found |= {name.id for target in node.targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+        elif not stubs:
+            found |= {name.id for name in ast.walk(node) if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}
+    return found
+
+
+def exercise_cells(chapter: str) -> list[tuple[list[str], notebooks.Cell]]:
+    """Each folded solution with the stubs before it, in order."""
+    found, stubs = [], []
+    cells = NOTEBOOKS[chapter]["cells"]
+    start = next(i for i, cell in enumerate(cells) if re.search("^## Exercises", cell["source"], re.MULTILINE))
+    for cell in cells[start:]:
+        if cell["cell_type"] == "code" and assigned(cell["source"], stubs=True):
+            stubs.append(cell["source"])
+        elif cell["cell_type"] == "markdown" and "```python" in cell["source"]:
+            found.append((stubs, cell))
+            stubs = []
+    return found
+
+
+def registered(chapter: str) -> dict[str, Exercise]:
+    return exercises.chapters().get(int(chapter[:2]), {})
+
+
+def test_has_what_a_chapter_promises(chapter):
+    text = prose(chapter)
+    assert re.search(r"about \d+ minutes", text)
+    assert len(re.findall(r"^- \*\*\w+", text, re.MULTILINE)) >= 3, "objectives begin with a verb in bold"
+    assert re.search("^#+ .*limit check", text, re.MULTILINE | re.IGNORECASE)
+    assert "by hand" in text.lower()
+    code = "\n".join(cell["source"] for cell in cells(chapter, "code"))
+    made = re.findall(r"^(?:predict|answer|check)\(\s*\"(\d+)", code, re.MULTILINE)
+    assert set(made) == {str(int(chapter[:2]))}
+    assert re.findall(r"^predict\(\"(\w+)\"", code, re.MULTILINE), "a chapter asks for a prediction"
+    assert (set(re.findall(r"^\s*predict\(\s*\"(\w+)\"", code, re.MULTILINE))
+            == set(re.findall(r"^\s*answer\(\s*\"(\w+)\"", code, re.MULTILINE))), "each prediction is answered"
+    assert "recall()" in code
+
+
+def test_an_explorer_has_three_questions_and_answers(chapter):
+    cells = NOTEBOOKS[chapter]["cells"]
+    places = [i for i, cell in enumerate(cells) for output in cell.get("outputs", []) if FLIPBOOK in output.get("data", {})]
+    assert places, "no explorer"
+    for place in places:
+        after = cells[place + 1]["source"]
+        asked, _, folded = after.partition("<details>")
+        for part in (asked, folded):
+            assert re.findall(r"^(\d)\. ", part, re.MULTILINE)[:3] == ["1", "2", "3"], after[:60]
+
+
+def test_pictures_carry_their_words(chapter):
+    for cell in cells(chapter, "code"):
+        for output in cell["outputs"]:
+            data = output.get("data", {})
+            assert "image/png" not in data and "image/svg+xml" not in data, "show a Picture: it carries its reading"
+            for tag in re.findall(r"<img[^>]*>", data.get("text/html", "")):
+                assert re.search(r'alt="[^"]{20,}"', tag)
+            if FLIPBOOK in data:
+                frames = json.loads(data[FLIPBOOK])["frames"]
+                assert len({frame["reading"] for frame in frames}) == len(frames), "a frame's reading names its value"
+
+
+def test_uses_nothing_that_a_later_chapter_explains(chapter):
+    later = {name for number, names in EXPLAINED.items() if number > int(chapter[:2]) for name in names}
+    for cell in cells(chapter, "code"):
+        for node in ast.walk(ast.parse(cell["source"])):
+            if isinstance(node, ast.ImportFrom):
+                used = {node.module, *(alias.name for alias in node.names)}
+            else:
+                used = {alias.name for alias in node.names} if isinstance(node, ast.Import) else set()
+            assert not used & later, f"{used & later} comes later"
+
+
+def test_is_not_large(chapter):
+    assert CHAPTERS[chapter].stat().st_size < LARGEST
+
+
+def test_exercises_have_a_stub_a_check_and_a_folded_solution(chapter):
     number = int(chapter[:2])
     found = re.findall(rf"^\*\*{number}\.(\d+)", prose(chapter), re.MULTILINE)
-    assert len(found) >= 2
-    assert found == [str(k) for k in range(1, len(found) + 1)]
-    stubs = [cell for cell in cells(chapter, "code") if re.search(r"= \.\.\.(?:\s|$)", cell["source"])]
-    solved = [cell for cell in cells(chapter, "markdown") if "<details>" in cell["source"] and "```python" in cell["source"]]
-    assert len(stubs) >= len(found)
+    assert found == [str(k) for k in range(1, len(found) + 1)] and len(found) >= 4
+    assert prose(chapter).count("(warm-up)") == 1 and "(open-ended)" in prose(chapter)
+    solved = exercise_cells(chapter)
     assert len(solved) == len(found)
+    checked = {}
+    for k, (stubs, cell) in zip(found, solved, strict=True):
+        assert stubs, f"{number}.{k} has a solution and no stub"
+        assert re.search(r"<details>.*```python.*</details>", cell["source"], re.DOTALL)
+        of_this = {name: line for source in stubs for name, line in checks_in(source).items()}
+        assert of_this and all(re.fullmatch(rf"{number}\.{k}[a-z]?", name) for name in of_this)
+        answers = set().union(*(assigned(source, stubs=True) for source in stubs))
+        solution = "\n".join(code for code, _ in SOLUTION.findall(cell["source"]))
+        assert answers <= assigned(solution), f"{number}.{k}: the solution does not assign {answers - assigned(solution)}"
+        assert all(any(re.search(rf"\b{name}\b", line) for line in of_this.values()) for name in answers)
+        checked |= of_this
+    assert list(checked) == list(registered(chapter))
+
+
+def test_hints_point_to_something_that_stands_there(chapter):
+    before = [name for name in NOTEBOOKS if name[:2] <= chapter[:2]]
+    text = "\n\n".join(prose(name) for name in before)
+    headings, tags = re.findall(r"^#+ (.*)$", text, re.MULTILINE), re.findall(r"\\tag\{([^}]*)\}", text)
+    for asked in registered(chapter).values():
+        for see in (asked.see, *(mistake.see for mistake in asked.mistakes if mistake.see)):
+            named = SEE.findall(see)
+            assert set(named) <= set(tags), f"{see!r} is no equation up to here"
+            assert named or see in headings, f"{see!r} is no heading up to here"
 
 
 def test_code_parses_and_imports_stand_where_they_are_needed(chapter):
@@ -147,18 +284,29 @@ def test_code_parses_and_imports_stand_where_they_are_needed(chapter):
         assert not starred
 
 
-def test_folded_solutions_run_and_print_what_they_say(chapter):
+def test_folded_solutions_run_print_what_they_say_and_pass_their_check(chapter):
+    cells = notebooks.clean(NOTEBOOKS[chapter])["cells"]
+    solved = {cell["source"]: stubs for stubs, cell in exercise_cells(chapter)}
     wanted, kept = {}, []
-    for cell in notebooks.clean(NOTEBOOKS[chapter])["cells"]:
+
+    def add(name: str, source: str) -> None:
+        kept.append({"cell_type": "code", "id": name, "source": source, "metadata": {}, "outputs": [],
+                     "execution_count": None})
+
+    for cell in cells:
         kept.append(cell)
         for i, (code, output) in enumerate(SOLUTION.findall(cell["source"]) if cell["cell_type"] == "markdown" else []):
-            name = f"{cell['id']}-solution-{i}"
-            wanted[name] = output
-            kept.append({"cell_type": "code", "id": name, "source": code, "metadata": {}, "outputs": [],
-                         "execution_count": None})
+            add(f"{cell['id']}-solution-{i}", code)
+            wanted[f"{cell['id']}-solution-{i}"] = output
+        if stubs := solved.get(cell["source"]):
+            add(f"{cell['id']}-check", "\n".join(line for source in stubs for line in checks_in(source).values()))
     assert wanted
     done = notebooks.execute(NOTEBOOKS[chapter] | {"cells": kept}, BOOK)
     assert not list(notebooks.problems(done))
-    said = {cell["id"]: "".join(output.get("text", "") for output in cell["outputs"])
-            for cell in done["cells"] if cell["id"] in wanted}
-    assert said == wanted
+    said = {cell["id"]: "".join(output.get("text", "") for output in cell.get("outputs", [])) for cell in done["cells"]}
+    assert {name: said[name] for name in wanted} == wanted
+    verdicts = [line for name, text in said.items() if name.endswith("-check") for line in text.splitlines()]
+    assert len(verdicts) >= 4
+    for line in verdicts:
+        number, verdict = line.split(": ", 1)
+        assert verdict.startswith("noted." if registered(chapter)[number].reply else "right."), line

@@ -1,7 +1,8 @@
 """Notebooks with fresh, clean outputs: execute, take out what changes from run to run, say what changed.
 
-`python -m hydrolab.course.notebooks book/*.ipynb` writes; with --check it only compares, pixels aside, and returns 1
-where a stored notebook is stale or not clean. Two executions give the same bytes.
+`hydrolab book --refresh` writes; with --check it only compares, pixels aside, and returns 1 where a stored notebook is
+stale or not clean. `python -m hydrolab.course.notebooks FILE …` does so for any notebook. Two executions give the same
+bytes.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from hydrolab.errors import BadInput
+from hydrolab.show.flipbook import MIME as FLIPBOOK
 
 Notebook = dict[str, Any]
 Cell = dict[str, Any]
@@ -30,8 +32,9 @@ Cell = dict[str, Any]
 METADATA = {"kernelspec": {"display_name": "Python 3 (ipykernel)", "language": "python", "name": "python3"},
             "language_info": {"name": "python"}}
 WIDGETS = ("application/vnd.jupyter.widget-view+json", "application/vnd.jupyter.widget-state+json")
+WITH_PICTURES = ("text/html", FLIPBOOK)
 CELL_ID = re.compile(r"[a-zA-Z0-9_-]{1,64}")
-PIXELS = re.compile(r"(data:image/png;base64,)([A-Za-z0-9+/=]+)")
+PIXELS = re.compile(r"(data:image/(?:png|webp);base64,)([A-Za-z0-9+/=]+)")
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_MARKS = ("software", "creation time")  # text in a PNG that tells which program made it, and when
 TIMEOUT = 120  # seconds a cell may take, as under nbval
@@ -122,7 +125,7 @@ def _clean_outputs(outputs: Sequence[dict[str, Any]], count: int | None) -> list
 def _clean_data(mime: str, value: Any) -> Any:
     if mime == "image/png":
         return _unmarked(value)
-    return PIXELS.sub(lambda found: found[1] + _unmarked(found[2]), value) if mime == "text/html" else value
+    return PIXELS.sub(lambda found: found[1] + _unmarked(found[2]), value) if mime in WITH_PICTURES else value
 
 
 def _unmarked(encoded: str) -> str:
@@ -200,7 +203,7 @@ def without_pixels(notebook: Notebook) -> Notebook:
         for output in cell.get("outputs", []):
             for mime, value in output.get("data", {}).items():
                 output["data"][mime] = "" if mime == "image/png" else (
-                    PIXELS.sub(r"\1", value) if mime == "text/html" else value)
+                    PIXELS.sub(r"\1", value) if mime in WITH_PICTURES else value)
     return bare
 
 
@@ -258,11 +261,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("notebooks", nargs="+", type=Path, metavar="NOTEBOOK")
     parser.add_argument("--check", action="store_true", help="compare with what is stored, write nothing")
     options = parser.parse_args(arguments)
+    return _refresh_each(options.notebooks, check=options.check)
+
+
+def refresh_all(book: Path, chapters: Sequence[str] = (), *, check: bool = False) -> int:
+    """Refresh the chapters of these numbers, or all of them; return as `main` does.
+
+    Raises BadInput for a chapter that the book has not.
+    """
+    paths = {str(int(path.name[:2])): path for path in sorted(book.glob("[0-9][0-9]-*.ipynb"))}
+    wanted = [chapter.lstrip("0") or "0" for chapter in chapters]
+    if missing := [chapter for chapter in wanted if chapter not in paths]:
+        raise BadInput(f"The book has no chapter {', '.join(missing)}; it has {', '.join(paths)}.")
+    return _refresh_each([paths[chapter] for chapter in wanted or paths], check=check)
+
+
+def _refresh_each(paths: Sequence[Path], *, check: bool) -> int:
     code = 0
-    for path in options.notebooks:
+    for path in paths:
         start = time.perf_counter()
         try:
-            well, said = refresh(path, check=options.check)
+            well, said = refresh(path, check=check)
             code = max(code, 0 if well else 1)
         except BadInput as error:
             said, code = str(error), 2

@@ -1,8 +1,59 @@
-"""What a student predicted, beside what was computed."""
+"""What a student predicted, beside what was computed: `predict` keeps it, `answer` answers it, `recall` tells it all."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
+
+from hydrolab.errors import BadInput
+
+
+@dataclass
+class Prediction:
+    """What was asked, what was said, and, once it is known, one sentence on what came out."""
+
+    value: Any
+    unit: str = ""
+    choices: tuple[str, ...] = ()
+    outcome: str = ""
+
+
+_KEPT: dict[str, Prediction] = {}  # of this kernel, that is, of one chapter
+
+
+def predict(name: str, value: Any, unit: str = "", *, choices: Sequence[str] = ()) -> None:
+    """Keep a prediction, a number of `unit` or one of `choices`, until `answer` is called with the same name.
+
+    `...` is a prediction not made yet: it is kept as such, with a word on how to make it.
+    """
+    _KEPT[name] = Prediction(value, unit, tuple(choices))
+    wanted = f"one of {', '.join(map(repr, choices))}" if choices else f"a number{f' of {unit}' if unit else ''}"
+    if value is ...:
+        print(f"{name}: no prediction yet. Put {wanted} in place of ... and run this cell again.")
+    elif choices and str(value).strip().lower() not in {choice.lower() for choice in choices}:
+        print(f"{name}: you predict {value!r}, which is not {wanted}.")
+    else:
+        print(f"{name}: you predict {value if choices else _quantity(value, unit)}.")
+
+
+def answer(name: str, computed: float | str, why: str = "") -> None:
+    """Print what was predicted under `name`, what was computed, and why it came out so.
+
+    Raises BadInput for a name that was not predicted.
+    """
+    if name not in _KEPT:
+        raise BadInput(f"Nothing was predicted under {name!r}; run the cell with predict({name!r}, …) first. "
+                       f"Predicted so far: {', '.join(_KEPT) or 'nothing'}.")
+    kept = _KEPT[name]
+    kept.outcome = answered(kept.value, computed, kept.unit)
+    print(f"{name}: {kept.outcome}{' ' + why if why else ''}")
+
+
+def recall() -> None:
+    """Print every prediction of this chapter with its outcome, in the order in which they were made."""
+    for name, kept in _KEPT.items():
+        print(f"{name}: {kept.outcome or 'not computed yet; run the cells above.'}")
 
 
 def answered(prediction: Any, computed: float | str, unit: str = "") -> str:
@@ -30,6 +81,7 @@ def answered(prediction: Any, computed: float | str, unit: str = "") -> str:
     return f"Computed: {result}. You said {_quantity(value, unit)}: {verdict}."
 
 
-def _quantity(value: float | str, unit: str) -> str:
-    words = value if isinstance(value, str) else f"{value:.3g}".replace("-", "−")
+def _quantity(value: Any, unit: str) -> str:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    words = f"{value:.3g}".replace("-", "−") if number else str(value)
     return f"{words} {unit}".rstrip()

@@ -17,6 +17,7 @@ import ipywidgets as widgets
 import traitlets
 
 from hydrolab.errors import BadInput, Contact, NoConvergence
+from hydrolab.show.flipbook import MIME, Frame, flipbook, main_control, shown, slider_values
 from hydrolab.show.kept_figure import KeptFigure
 from hydrolab.show.picture import Picture
 
@@ -42,8 +43,9 @@ class FigureExplorer(widgets.VBox):
 
     view: from the controls' values, by name, to the reading. kept: the figure that it changes. pick: from a point of
     the figure, as shares of its width and height from the lower left, to new values of controls, or None; with it a
-    click on the picture sets them. start: called before the reset, for a view that remembers. Where there is no
-    kernel, as in a stored notebook, the first picture and its reading stand in its place.
+    click on the picture sets them. start: called before the reset, for a view that remembers. Where there is no kernel,
+    as in a stored notebook, the first picture and its reading stand in its place, and in the static book a flip-book
+    along the first slider.
     """
 
     def __init__(self, view: View, kept: KeptFigure, controls: Mapping[str, Any], pick: Pick | None = None,
@@ -80,16 +82,30 @@ class FigureExplorer(widgets.VBox):
                 control.observe(self._show, "value")
         self._show()
 
+    def _seen(self, values: Mapping[str, Any]) -> tuple[str, bytes]:
+        """What the view says of the controls' values, and its figure as PNG."""
+        try:
+            return self.view(**values), self.kept.png()
+        except (NoConvergence, Contact, BadInput) as error:
+            return f"Nothing to show here; the last picture is left in grey. {error}", self.kept.greyed()
+
     def _show(self, change: Any = None) -> None:
         """Ask the view, and send its figure and its words in one message."""
-        try:
-            reading = self.view(**{name: control.value for name, control in self.controls.items()})
-            picture = self.kept.png()
-        except (NoConvergence, Contact, BadInput) as error:
-            reading = f"Nothing to show here; the last picture is left in grey. {error}"
-            picture = self.kept.greyed()
+        reading, picture = self._seen({name: control.value for name, control in self.controls.items()})
         with self.image.hold_sync():
             self.image.reading, self.image.value = reading, picture
+
+    def flipbook(self) -> dict[str, str]:
+        """What is seen along the first slider, the other controls as at the start, for a page without a kernel."""
+        name = main_control(self.controls)
+        if name is None:
+            return {}
+        main, frames = self.controls[name], []
+        for value in slider_values(main):
+            frames.append(Frame(shown(main, value), *self._seen(self.initial | {name: value})))
+        self._show()
+        start = [frame.value for frame in frames].index(shown(main, self.initial[name]))
+        return {MIME: flipbook(main.description, frames, start)}
 
     def _back(self, button: widgets.Button) -> None:
         """Begin again, with the first values."""
@@ -104,7 +120,7 @@ class FigureExplorer(widgets.VBox):
             self.set(**found)
 
     def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, Any]:
-        return super()._repr_mimebundle_(**kwargs) | self._first
+        return super()._repr_mimebundle_(**kwargs) | self._first | self.flipbook()
 
 
 def slider(description: str, value: float, low: float, high: float, step: float, digits: int) -> widgets.FloatSlider:

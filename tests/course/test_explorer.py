@@ -35,7 +35,7 @@ def test_without_a_kernel_the_first_picture_stands_in():
     explorer.controls["eccentricity"].value = 0.5
     data = explorer._repr_mimebundle_()
     assert data["text/plain"] == gap_picture(0.2).reading
-    assert "data:image/png;base64," in data["text/html"]
+    assert "data:image/webp;base64," in data["text/html"]
     assert data["application/vnd.jupyter.widget-view+json"]["model_id"] == explorer.model_id
 
 

@@ -2,7 +2,14 @@
 
 import pytest
 
-from hydrolab.course.predictions import answered
+from hydrolab.course import predictions
+from hydrolab.course.predictions import answer, answered, predict, recall
+from hydrolab.errors import BadInput
+
+
+@pytest.fixture(autouse=True)
+def fresh(monkeypatch):
+    monkeypatch.setattr(predictions, "_KEPT", {})
 
 
 @pytest.mark.parametrize(("prediction", "computed", "unit", "said"), [
@@ -19,3 +26,39 @@ from hydrolab.course.predictions import answered
 ])
 def test_answered(prediction, computed, unit, said):
     assert said in answered(prediction, computed, unit)
+
+
+@pytest.mark.parametrize(("value", "more", "said"), [
+    (..., {"unit": "mm"}, "2a: no prediction yet. Put a number of mm in place of ..."),
+    (..., {"choices": ["+x", "-x"]}, "Put one of '+x', '-x' in place of ..."),
+    (-1.5, {"unit": "mm"}, "2a: you predict −1.5 mm."),
+    ("+X", {"choices": ["+x", "-x"]}, "2a: you predict +X."),
+    ("left", {"choices": ["+x", "-x"]}, "'left', which is not one of '+x', '-x'"),
+    (None, {}, "2a: you predict None."),
+])
+def test_a_prediction_is_kept_in_words(value, more, said, capsys):
+    predict("2a", value, **more)
+    assert said in capsys.readouterr().out
+
+
+def test_a_prediction_is_answered_and_recalled(capsys):
+    predict("2a", 2, "mm")
+    predict("2b", ..., choices=["+x", "-x"])
+    answer("2a", 1.0, "The pull grows faster than the displacement.")
+    said = capsys.readouterr().out
+    assert "2a: Computed: 1 mm. You said 2 mm: 2 times as much. The pull grows" in said
+    recall()
+    assert capsys.readouterr().out.splitlines() == ["2a: Computed: 1 mm. You said 2 mm: 2 times as much.",
+                                                    "2b: not computed yet; run the cells above."]
+
+
+def test_a_second_try_replaces_the_first(capsys):
+    predict("2a", 2)
+    predict("2a", 1)
+    answer("2a", 1.0)
+    assert "within 10 %" in capsys.readouterr().out
+
+
+def test_what_was_not_predicted_has_no_answer():
+    with pytest.raises(BadInput, match="'2c'"):
+        answer("2c", 1.0)

@@ -1,5 +1,6 @@
 """Every picture is built for a Kaplan-type machine, a point mass and a machine without a fold, and read back."""
 
+import io
 import math
 import re
 import subprocess
@@ -11,6 +12,7 @@ import matplotlib
 import numpy as np
 import pytest
 from matplotlib import pyplot
+from PIL import Image
 
 from hydrolab import CentralDifference, integrate, rpm
 from hydrolab.calibration import build
@@ -117,13 +119,24 @@ def test_a_notebook_gets_a_figure_with_alt_text_and_caption(pictures):
         page = ElementTree.fromstring(bundle["text/html"])
         assert page.tag == "figure"
         assert page.find("img").get("alt") == page.find("figcaption").text == picture.reading
-        assert page.find("img").get("src").startswith("data:image/png;base64,")
+        assert page.find("img").get("src").startswith("data:image/webp;base64,")
 
 
 def test_every_picture_can_be_drawn(pictures):
     for name in ("figure-5", "figure-7", "figure-8", "branch"):
         for machine in ("point mass", "no fold"):
             assert pictures[machine][name].png().startswith(b"\x89PNG")
+
+
+def test_a_palette_keeps_the_colours_of_the_house(studies):
+    picture = figure_3(studies["kaplan"])
+    few = Image.open(io.BytesIO(picture.png()))
+    assert few.mode == "P" and few.info["Description"] == picture.reading
+    full = np.asarray(few.convert("RGB"))
+    assert (full[0, 0] == 255).all()
+    for name in ("harmonic balance", "stator"):
+        wanted = [int(COLOURS[name][i:i + 2], 16) for i in (1, 3, 5)]
+        assert abs(full.astype(int) - wanted).sum(axis=2).min() <= 6, name
 
 
 def test_words_of_a_reading_are_escaped():

@@ -1,0 +1,58 @@
+"""Sphinx: the static book from the stored chapters. Build it with `hydrolab book`."""
+
+from pathlib import Path
+
+from hydrolab import __version__
+from hydrolab.course.api_page import api_page
+from hydrolab.course.pages import bibliography_page, chapter_page, contents, equations
+
+BOOK = Path(__file__).parent
+
+project = "hydrolab"
+author = "the hydrolab authors"
+copyright = "2026, the hydrolab authors; MIT licence"
+version = release = __version__
+language = "en"
+
+INSTRUCTOR = [f"instructor/{path.stem}" for path in sorted(BOOK.glob("instructor/*.md"))
+              if tags.has("instructor")]  # noqa: F821
+
+extensions = ["myst_nb", "sphinx.ext.mathjax"]
+exclude_patterns = ["_build", "**.ipynb_checkpoints", *([] if INSTRUCTOR else ["instructor"])]
+source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
+
+nb_execution_mode = "off"  # the stored outputs are the book; nbval proves them
+nb_ipywidgets_js = {}  # no widget code: an explorer shows its still picture and its flip-book
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 3
+myst_heading_slug_func = "hydrolab.course.pages.heading_anchor"
+
+mathjax_path = "tex-svg.js"  # beside the pages; `hydrolab book` puts it there
+html_theme = "sphinx_book_theme"
+html_title = "hydrolab"
+html_static_path = ["_static"]
+html_css_files = ["book.css"]
+html_js_files = ["flipbook.js"]
+html_copy_source = False
+html_show_sourcelink = False
+html_show_sphinx = False
+html_theme_options = {"home_page_in_toc": True, "show_navbar_depth": 1, "show_toc_level": 1,
+                      "use_download_button": False, "use_fullscreen_button": False}
+
+
+def read(app, docname, source):
+    """Turn a stored source into the page's: equations that link, flip-books, pages that are written from the code."""
+    if docname == "index":
+        source[0] += contents(BOOK, INSTRUCTOR)
+    elif docname == "api":
+        source[0] = api_page()
+    elif docname == "bibliography":
+        source[0] = bibliography_page(BOOK)
+    elif docname[:1].isdigit():
+        source[0] = chapter_page(source[0], equations(BOOK))
+
+
+def setup(app):
+    """Ask Sphinx to let `read` see each source first."""
+    app.connect("source-read", read)
+    return {"parallel_read_safe": True}

@@ -1,0 +1,50 @@
+"""A copy of the course to hand out: the chapters as they are, without the folded solutions and answers."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+
+from hydrolab.course import notebooks
+from hydrolab.course.notebooks import Notebook
+from hydrolab.errors import BadInput
+
+FOLDED = re.compile(r"\n*<details>\s*<summary>[^<]*(?:Solution|Answer|answer)[^<]*</summary>.*?</details>\n*", re.DOTALL)
+
+
+def without_solutions(notebook: Notebook) -> Notebook:
+    """The notebook without what a student opens after having tried; stubs, checks and outputs stay."""
+    cells = []
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "markdown" and FOLDED.search(cell["source"]):
+            left = FOLDED.sub("\n\n", cell["source"]).strip("\n")
+            if not left:
+                continue
+            cell = cell | {"source": left}
+        cells.append(cell)
+    return notebook | {"cells": cells}
+
+
+def hand_out(book: Path, files: Iterable[Path], folder: Path) -> str:
+    """Write `files`, relative to the book, into a folder, notebooks without solutions; return one sentence.
+
+    Raises BadInput where the folder holds anything: a copy must not mix with somebody's work.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise BadInput(f"--students is {folder}, which is not an empty folder; name a new one.")
+    if folder.resolve().is_relative_to(book):
+        raise BadInput(f"--students is {folder}, inside the shipped course; choose a folder elsewhere.")
+    count = 0
+    for relative in files:
+        target = folder / relative
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if relative.suffix == ".ipynb":
+            bare = without_solutions(notebooks.read(book / relative))
+            target.write_text(notebooks.text(notebooks.clean(bare)), encoding="utf-8", newline="\n")
+            count += 1
+        else:
+            shutil.copyfile(book / relative, target)
+    return (f"{count} chapters without solutions are in {folder}. The checks stay: they tell right from wrong and name "
+            "mistakes, and compute their reference when a student asks.")

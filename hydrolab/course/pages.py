@@ -1,0 +1,133 @@
+"""From a stored chapter to a page of the static book: anchors, links between equations, flip-books, the bibliography.
+
+Chapters are plain Markdown that JupyterLab shows as it is. What a page can do beyond that is added here, when Sphinx
+reads the source; the notebooks stay as they are.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from hydrolab.course.notebooks import Cell, Notebook
+from hydrolab.show.flipbook import MIME as FLIPBOOK
+
+DISPLAY = re.compile(r"^\$\$.*?\\tag\{([^}]*)\}\s*\$\$", re.DOTALL | re.MULTILINE)
+# What is no running text: fenced and inline code, displayed and inline mathematics, links, tags.
+APART = re.compile(r"(```.*?```|`[^`\n]*`|\$\$.*?\$\$|\$[^$\n]*\$|!?\[[^\]]*\]\([^)]*\)|<[^>\n]*>)", re.DOTALL)
+NAMED = re.compile(r"\((\d+\.\d+)\)")
+DOI = re.compile(r"\bdoi:(10\.\d{4,}/[^\s,;]*[^\s,;.])")
+PARTS = {"A rotor in a field": range(0, 4), "Steady states": range(4, 6), "The machine": range(6, 9),
+         "The study": range(9, 13)}
+PAGES = ("notation", "glossary", "errata", "bibliography", "api")  # for reference
+REFERENCE = re.compile(r"^- (.*\*(?P<title>[^*]+)\*.*)$", re.MULTILINE)
+
+
+def sources(notebook: Notebook) -> Iterator[str]:
+    """The text of each Markdown cell."""
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "markdown":
+            yield _joined(cell["source"])
+
+
+def _joined(text: str | list[str]) -> str:
+    return text if isinstance(text, str) else "".join(text)
+
+
+def chapters(book: Path) -> dict[str, Notebook]:
+    """Every notebook of the book by the name of its page, in order."""
+    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(book.glob("[0-9]*.ipynb"))}
+
+
+def heading_anchor(title: str) -> str:
+    """The anchor of a heading, as JupyterLab makes it."""
+    return title.replace(" ", "-")
+
+
+def contents(book: Path, more: Sequence[str] = ()) -> str:
+    """The tables of contents below the first page: chapters by part, pages for reference, and `more` pages."""
+    names = list(chapters(book))
+    lists = {part: [name for name in names if int(name[:2]) in numbers] for part, numbers in PARTS.items()}
+    lists |= {"Reference": list(PAGES), "For instructors": list(more)}
+    return "\n".join(line for part, pages in lists.items() if pages
+                     for line in ("", "```{toctree}", f":caption: {part}", ":titlesonly:", "", *pages, "```", ""))
+
+
+def equations(book: Path) -> dict[str, str]:
+    """The page on which each equation stands, by its number."""
+    return {tag: name for name, notebook in chapters(book).items() for text in sources(notebook)
+            for tag in DISPLAY.findall(text)}
+
+
+def chapter_page(text: str, places: Mapping[str, str]) -> str:
+    """A notebook's file as the page's source. places: the page of each equation."""
+    notebook = json.loads(text)
+    for cell in notebook["cells"]:
+        if cell["cell_type"] == "markdown":
+            cell["source"] = linked(_joined(cell["source"]), places)
+        else:
+            _open_flipbooks(cell)
+    return json.dumps(notebook)
+
+
+def linked(text: str, places: Mapping[str, str]) -> str:
+    """Markdown with an anchor at each numbered equation, and a link wherever one is named."""
+    text = DISPLAY.sub(lambda found: f'<span id="{anchor(found[1])}"></span>\n\n{found[0]}', text)
+
+    def link(found: re.Match[str]) -> str:
+        if found[1] not in places:
+            return found[0]
+        return f'<a class="eq" href="{places[found[1]]}.html#{anchor(found[1])}">{found[0]}</a>'
+
+    return _in_running_text(text, lambda part: _with_doi(NAMED.sub(link, part)))
+
+
+def _with_doi(text: str) -> str:
+    return DOI.sub(r"[doi:\1](https://doi.org/\1)", text)
+
+
+def anchor(number: str) -> str:
+    """The anchor of an equation."""
+    return f"eq-{number.replace('.', '-')}"
+
+
+def _in_running_text(text: str, change: Callable[[str], str]) -> str:
+    return "".join(part if i % 2 else change(part) for i, part in enumerate(APART.split(text)))
+
+
+def _open_flipbooks(cell: Cell) -> None:
+    """Put the flip-book of each output below its still picture."""
+    for output in cell["outputs"]:
+        data = output.get("data", {})
+        if FLIPBOOK in data:
+            data["text/html"] = flipbook_figure(_joined(data["text/html"]), json.loads(_joined(data.pop(FLIPBOOK))))
+
+
+def flipbook_figure(still: str, book: Mapping) -> str:
+    """The still picture with a slider below it; a page without JavaScript shows the still picture alone."""
+    label, start = html.escape(book["label"]), book["start"]
+    frames = json.dumps(book["frames"], ensure_ascii=False).replace("</", "<\\/")
+    return (f'<div class="flipbook" data-whole="{book["whole"]}" data-width="{book["width"]}">{still}'
+            f'<label class="flipbook-slider" hidden>{label} <input type="range" min="0" max="{len(book["frames"]) - 1}" '
+            f'step="1" value="{start}"/> <output>{html.escape(book["frames"][start]["value"])}</output></label>'
+            f'<script type="application/json">{frames}</script></div>')
+
+
+def bibliography_page(book: Path) -> str:
+    """Every publication that a chapter names, once, with the chapters that name it."""
+    entries: dict[str, tuple[str, list[str]]] = {}
+    for name, notebook in chapters(book).items():
+        text = "\n\n".join(sources(notebook)).split("\n## References", 1)[-1]
+        for found in REFERENCE.finditer(text):
+            words, named_in = entries.setdefault(found["title"], (found[1], []))
+            if name not in named_in:
+                named_in.append(name)
+    rows = []
+    for words, named_in in sorted(entries.values(), key=lambda entry: entry[0].lower()):
+        links = ", ".join(f"[{int(name[:2])}]({name}.ipynb)" for name in named_in)
+        rows.append(f"- {_in_running_text(words, _with_doi)} Named in chapter {links}.")
+    return "\n".join(["# Bibliography", "", "Collected from the chapters; the note is that of the first chapter that names "
+                      "the publication. Some are cited from memory and say so.", "", *rows, ""])

@@ -1,0 +1,60 @@
+"""The static book: Sphinx over the stored chapters, warnings as errors, nothing fetched when a page is read."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+from pathlib import Path
+
+from hydrolab.errors import BadInput
+
+MATHJAX = ("mathjax@3.2.2", "package/es5/tex-svg.js")  # one file of 2 MB that needs no other
+NEEDED = ("sphinx", "myst_nb", "sphinx_book_theme")
+
+
+def build(book: Path, out: Path, *, instructor: bool = False) -> str:
+    """Build the pages into `out` and return one sentence on them.
+
+    instructor: with the instructor's pages. Raises BadInput where the tools are missing, or with Sphinx's words where
+    a page has a fault.
+    """
+    missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    if missing:
+        raise BadInput(f"The static book needs {', '.join(missing)}; install hydrolab with its extra: "
+                       'pip install -e ".[book]"')
+    with tempfile.TemporaryDirectory(prefix="hydrolab-book-") as work:
+        mathjax = fetch_mathjax(Path(work))
+        command = [sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q", "-E",
+                   "-d", str(Path(work, "doctrees")), *(["-t", "instructor"] if instructor else []), str(book), str(out)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False,
+                              env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
+        if done.returncode:
+            raise BadInput(f"The static book was not built:\n{done.stderr.strip()[-4000:] or done.stdout[-2000:]}")
+        if mathjax is not None:
+            shutil.copyfile(mathjax, out / "_static" / "tex-svg.js")
+    pages = len(list(out.glob("*.html")))
+    said = f"{pages} pages; open {out / 'index.html'}"
+    return said if mathjax is not None else (
+        f"{said}. Formulas stand there as TeX: MathJax was not fetched, because npm is missing or reaches no registry. "
+        "Install npm and build again.")
+
+
+def fetch_mathjax(folder: Path) -> Path | None:
+    """Fetch MathJax with npm into a folder and return its one file; None where npm is missing or fails."""
+    npm = shutil.which("npm")
+    if npm is None:
+        return None
+    name, member = MATHJAX
+    done = subprocess.run([npm, "pack", "--silent", name], cwd=folder, capture_output=True, text=True, timeout=120,
+                          check=False)
+    archive = folder / done.stdout.strip().split("\n")[-1]
+    if done.returncode or not archive.is_file():
+        return None
+    with tarfile.open(archive) as packed, open(folder / "tex-svg.js", "wb") as file:
+        shutil.copyfileobj(packed.extractfile(member), file)
+    return folder / "tex-svg.js"
