@@ -4,7 +4,7 @@
 
 Two sliders in one notebook, pressed in turns: `eccentricity_explorer`, and the plain pattern, `interactive_output` over
 a function that calls the same view and displays its figure inline. A press is timed in the page, from its keydown event
-to the first frame after the new picture has loaded.
+to the first frame after the new picture has loaded. On a busy computer p10 says more than the median.
 """
 
 import json
@@ -102,7 +102,7 @@ def main(presses: int = 60) -> None:
         server, address = start_lab(Path(name))
         try:
             browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
-            page = browser.new_page(viewport={"width": 1400, "height": 2200})
+            page = browser.new_page(viewport={"width": 1400, "height": 1700})
             page.set_default_timeout(90_000)
             page.goto(address)
             page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
@@ -125,7 +125,8 @@ def main(presses: int = 60) -> None:
     medians = []
     for name, found in zip(("eccentricity_explorer", "interactive_output"), times, strict=True):
         medians.append(statistics.median(found))
-        print(f"{name:24s} median {medians[-1]:6.1f} ms   p90 {statistics.quantiles(found, n=10)[-1]:6.1f} ms   "
+        tenths = statistics.quantiles(found, n=10)
+        print(f"{name:24s} median {medians[-1]:6.1f} ms   p10 {tenths[0]:6.1f} ms   p90 {tenths[-1]:6.1f} ms   "
               f"max {max(found):6.1f} ms   ({len(found)} presses)")
     print(f"ratio {medians[1] / medians[0]:.2f}   load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
 

@@ -79,6 +79,8 @@ class Visit:
 @pytest.fixture
 def lab(tmp_path):
     """Yield the address of a course opened with the command, as a student opens it, but for a known token."""
+    if BROWSER is None:
+        pytest.skip("no Chromium or Chrome on this computer")
     (tmp_path / "config").mkdir()
     (tmp_path / "config" / "jupyter_lab_config.json").write_text('{"LabApp": {"expose_app_in_browser": true}}')
     own = {f"JUPYTER_{what}_DIR": str(tmp_path / what.lower()) for what in ("CONFIG", "DATA", "RUNTIME")}
@@ -107,8 +109,6 @@ def lab(tmp_path):
 @pytest.fixture
 def visit(lab):
     """Yield a page in Chromium, on no address yet."""
-    if BROWSER is None:
-        pytest.skip("no Chromium or Chrome on this computer")
     api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]")
     with api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
