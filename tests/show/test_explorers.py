@@ -71,9 +71,11 @@ def test_both_ends_of_every_control(name):
 @pytest.mark.parametrize("name", MAKE)
 def test_without_a_kernel_the_first_picture_stands_in(name):
     explorer = explorer_of(name)
+    first, picture = explorer.reading, explorer.image.value
     stored = explorer._repr_mimebundle_()
-    assert stored["text/plain"] == explorer.reading
-    assert "data:image/png;base64," in stored["text/html"]
+    assert stored["text/plain"] == first
+    assert (explorer.reading, explorer.image.value) == (first, picture), "storing it leaves it as it was"
+    assert "data:image/" in stored["text/html"]
     assert not [number for number in stored["text/plain"].split() if len(number) > 12 and number[0].isdigit()]
 
 
