@@ -23,7 +23,7 @@ DOI = re.compile(r"\bdoi:(10\.\d{4,}/[^\s,;]*[^\s,;.])")
 PARTS = {"A rotor in a field": range(0, 4), "Steady states": range(4, 6), "The machine": range(6, 9),
          "The study": range(9, 13)}
 PAGES = ("notation", "glossary", "errata", "bibliography", "api")  # for reference
-REFERENCE = re.compile(r"^- (.*\*(?P<title>[^*]+)\*.*)$", re.MULTILINE)
+REFERENCE = re.compile(r"^- (.*?\*(?P<title>[^*\n]+)\*.*)$", re.MULTILINE)
 
 
 def sources(notebook: Notebook) -> Iterator[str]:
