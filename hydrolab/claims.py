@@ -110,7 +110,7 @@ def has_loop(study: Study) -> Claim:
     """Claim 5: 2X puts a loop into the orbit."""
     crossings = {p: self_crossings(orbit.positions(PHASE)) for p, orbit in study.orbits.items()}
     last = study.orbits[8.9]
-    two = replace(last, coefficients=np.where(np.arange(last.coefficients.shape[1]) <= 4, last.coefficients, 0.0))
+    two = replace(last, local=np.where(np.arange(last.local.shape[1]) <= 4, last.local, 0.0))
     alone = self_crossings(two.positions(PHASE))
     looped = [f"{p:g} %" for p, n in crossings.items() if n]
     return Claim(

@@ -16,9 +16,12 @@ PACKAGE = ROOT / "hydrolab"
 # A module imports only from its own layer or one before it. The longest matching name decides.
 LAYERS = [
     ["hydrolab.errors"],
-    ["hydrolab.machine.elements", "hydrolab.machine.forces", "hydrolab.machine.damping"],
+    ["hydrolab.machine.elements", "hydrolab.machine.forces", "hydrolab.machine.damping", "hydrolab.machine.several",
+     "hydrolab.machine.tilted_pull", "hydrolab.machine.pads", "hydrolab.machine.film", "hydrolab.machine.crack"],
     ["hydrolab.machine.checks"],
+    ["hydrolab.machine.fault_parts"],
     ["hydrolab.machine.parts"],
+    ["hydrolab.machine.attach"],
     ["hydrolab.machine.model", "hydrolab.machine.cards"],
     ["hydrolab.machine"],
     ["hydrolab.dynamics"],

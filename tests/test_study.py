@@ -65,7 +65,7 @@ def test_the_sentence_about_stresses_is_printed_as_failed(claims):
 
 def test_a_claim_fails_where_the_machine_is_plain(study):
     """Without field there is no 2X, no loop, no growth: the claims must say so."""
-    linear = {p: replace(o, coefficients=np.where(np.arange(9) < 3, o.coefficients, 0.0)) for p, o in study.orbits.items()}
+    linear = {p: replace(o, local=np.where(np.arange(9) < 3, o.local, 0.0)) for p, o in study.orbits.items()}
     centred = study.orbits[0.0]
     linear = {p: replace(centred, static_eccentricity=o.static_eccentricity) for p, o in linear.items()}
     held = {c.id: c.holds for c in judge(replace(study, orbits=linear))}

@@ -57,8 +57,9 @@ def basins(orbits: Sequence[PeriodicOrbit], displacement: ArrayLike, velocity: A
         raise BadInput("a starting displacement or velocity is not finite.")
     system = split(first.model, first.speed, modes)
     small, r = system.model, system.model.size
-    shape = np.linalg.solve(small.K, small.selection.T)
-    shape = shape @ np.linalg.solve(small.selection @ shape, [1.0, 0.0])
+    generator = small.selection[:2]
+    shape = np.linalg.solve(small.K, generator.T)
+    shape = shape @ np.linalg.solve(generator @ shape, [1.0, 0.0])
     grid_v, grid_d = np.meshgrid(velocity, displacement, indexing="ij")
     start = system.state(first, first.model)[:, None] + np.vstack([np.outer(shape, grid_d), np.outer(shape, grid_v)])
     states, contact, made = advance(system, start, first.centre, revolutions, steps, progress=progress)
@@ -67,7 +68,7 @@ def basins(orbits: Sequence[PeriodicOrbit], displacement: ArrayLike, velocity: A
     ends = np.full(states.shape[1], OTHER)
     nearest = np.full(states.shape[1], math.inf)
     look = np.zeros((4, 2 * r))
-    look[:2, :r] = look[2:, r:] = small.selection
+    look[:2, :r] = look[2:, r:] = generator
     for index, orbit in enumerate(orbits):
         there = look @ system.state(orbit, first.model)
         away = np.abs((look @ states - there[:, None]) / scale[:, None]).max(axis=0)

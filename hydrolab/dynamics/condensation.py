@@ -3,9 +3,11 @@
 For each harmonic k the linear machine answers a force f̂_k on the nonlinear coordinates u = S q by
 u_k = u_lin,k + S Z_k⁻¹ Sᵀ f̂_k with Z_k = K − (kΩ)² M + ikΩ (C + ΩG), Eq. (16) in complex form. The
 inverse of that small compliance, D_k, is the dynamic stiffness of the whole machine as the generator
-feels it, so H(Y) = Λ (Y − Y_lin) − Z(Y), Eq. (19), has 2(2m + 1) unknowns at any number of elements.
+feels it, so H(Y) = Λ (Y − Y_lin) − Z(Y), Eq. (19), has c(2m + 1) unknowns at any number of elements, where c is
+the number of nonlinear coordinates: 2 where the pull is the only force that is not linear.
 
-Coefficients are stored per coordinate as [mean, sin 1, cos 1, sin 2, cos 2, …], shape (2, 2m + 1).
+Coefficients are stored per coordinate as [mean, sin 1, cos 1, sin 2, cos 2, …], shape (c, 2m + 1). Where the period
+is that of q revolutions, harmonic k turns with kΩ/q and the unbalance is in harmonic q.
 """
 
 from __future__ import annotations
@@ -32,6 +34,14 @@ def fourier_rows(harmonics: int, phase: NDArray) -> NDArray:
     return rows
 
 
+def rate_rows(harmonics: int, phase: NDArray) -> NDArray:
+    """Derivatives of `fourier_rows` by the phase."""
+    rows = np.zeros((2 * harmonics + 1, len(phase)))
+    for k in range(1, harmonics + 1):
+        rows[2 * k - 1], rows[2 * k] = k * np.cos(k * phase), -k * np.sin(k * phase)
+    return rows
+
+
 def to_complex(coefficients: NDArray) -> NDArray:
     """[mean, sin, cos, …] on the last axis → complex amplitudes û_k of Re Σ û_k e^{ikΩt}; (…, m + 1)."""
     sine, cosine = coefficients[..., 1::2], coefficients[..., 2::2]
@@ -48,12 +58,14 @@ def from_complex(amplitudes: NDArray) -> NDArray:
 
 @dataclass(frozen=True, eq=False)
 class Condensed:
-    """A model at one speed, seen from its nonlinear coordinates; unknowns y = Y / length, flattened.
+    """A model at one speed, seen from its c nonlinear coordinates; unknowns y = Y / length, flattened.
 
-    stiffness: Λ scaled by `length`/`force`, (2K, 2K) with K = 2m + 1. linear: Y_lin / length, (2, K).
+    stiffness: Λ scaled by `length`/`force`, (cK, cK) with K = 2m + 1. linear: Y_lin / length, (c, K).
     synthesis: samples of the position from y, (K, N), m. analysis: coefficients from N forces, (N, K), 1/N.
     products: analysis and synthesis in one, (N, K²), so that the AFT Jacobian is one matrix product.
+    phase: Ωt of the samples, rad, (N,). rate, rate_products: as synthesis and products, for the velocity, m/s.
     recovery, shaft_linear: q_k = shaft_linear_k + recovery_k (u_k − u_lin,k), all DOFs, complex.
+    revolutions: in a period.
     """
 
     model: Model
@@ -67,22 +79,43 @@ class Condensed:
     synthesis: NDArray
     analysis: NDArray
     products: NDArray
+    phase: NDArray
+    rate: NDArray
+    rate_products: NDArray
     recovery: NDArray
     shaft_linear: NDArray
+    revolutions: int = 1
+
+    def position(self, y: NDArray, centre: NDArray) -> NDArray:
+        """Samples of the nonlinear coordinates, m, (c, N), the generator's counted from the stator centre (2,), m."""
+        position = y.reshape(len(self.linear), -1) @ self.synthesis
+        position[:2] -= centre[:, None]
+        return position
+
+    def velocity(self, y: NDArray) -> NDArray:
+        """Samples of their velocity, m/s, (c, N)."""
+        return y.reshape(len(self.linear), -1) @ self.rate
 
     def residual(self, y: NDArray, centre: NDArray) -> NDArray:
         """H(Y) of Eq. (19), scaled; centre: stator centre, m."""
-        position = y.reshape(2, -1) @ self.synthesis - centre[:, None]
-        return self.stiffness @ (y - self.linear.ravel()) - (self.model.law.force(position) @ self.analysis).ravel()
+        position, law = self.position(y, centre), self.model.law
+        force = law.force_at(position, self.velocity(y), self.phase, self.speed) if law.moving else law.force(position)
+        return self.stiffness @ (y - self.linear.ravel()) - (force @ self.analysis).ravel()
 
     def linearise(self, y: NDArray, centre: NDArray) -> tuple[NDArray, NDArray]:
         """H(Y) and its exact Jacobian by alternating frequency and time (Cameron and Griffin 1989)."""
-        position = y.reshape(2, -1) @ self.synthesis - centre[:, None]
-        force, slope = self.model.law.linearise(position)
-        columns = len(self.synthesis)
+        position, law = self.position(y, centre), self.model.law
+        c, columns, samples = len(position), *self.synthesis.shape
+        if law.moving:
+            force, slope, damping = law.linearise_at(position, self.velocity(y), self.phase, self.speed)
+            pull = (slope.reshape(c * c, samples) @ self.products
+                    + damping.reshape(c * c, samples) @ self.rate_products)
+        else:
+            force, slope = law.linearise(position)
+            pull = slope.reshape(c * c, samples) @ self.products
         residual = self.stiffness @ (y - self.linear.ravel()) - (force @ self.analysis).ravel()
-        pull = (slope.reshape(4, -1) @ self.products).reshape(2, 2, columns, columns)
-        return residual, self.stiffness - pull.transpose(0, 2, 1, 3).reshape(2 * columns, 2 * columns)
+        pull = pull.reshape(c, c, columns, columns).transpose(0, 2, 1, 3)
+        return residual, self.stiffness - pull.reshape(c * columns, c * columns)
 
 
 def dynamic_stiffness(model: Model, w: float, speed: float) -> NDArray:
@@ -91,58 +124,63 @@ def dynamic_stiffness(model: Model, w: float, speed: float) -> NDArray:
 
 
 def in_sines(stiffness: NDArray) -> NDArray:
-    """Complex 2 × 2 stiffnesses of the harmonics 0 … m as the real matrix on [mean, sin 1, cos 1, …] of x, then z."""
-    columns = 2 * len(stiffness) - 1
-    real = np.zeros((2, columns, 2, columns))
+    """Complex c × c stiffnesses of the harmonics 0 … m as the real matrix on [mean, sin 1, cos 1, …] of x, then z, …"""
+    columns, count = 2 * len(stiffness) - 1, stiffness.shape[1]
+    real = np.zeros((count, columns, count, columns))
     real[:, 0, :, 0] = stiffness[0].real
     for k in range(1, len(stiffness)):
         s, c = 2 * k - 1, 2 * k
         real[:, s, :, s] = real[:, c, :, c] = stiffness[k].real
         real[:, c, :, s], real[:, s, :, c] = stiffness[k].imag, -stiffness[k].imag
-    return real.reshape(2 * columns, 2 * columns)
+    return real.reshape(count * columns, count * columns)
 
 
 @lru_cache(maxsize=64)
-def condense(model: Model, speed: float, harmonics: int, samples: int) -> Condensed:
+def condense(model: Model, speed: float, harmonics: int, samples: int, revolutions: int = 1) -> Condensed:
     """Eliminate the linear DOFs of a model at one speed; cached, since a branch asks again and again.
+
+    revolutions: in the period that the harmonics share.
 
     Raises BadInput where the machine can move freely (no static stiffness) or the speed is a resonance
     without damping.
     """
-    n, length = model.size, model.length_scale
+    n, c, length = model.size, len(model.selection), model.length_scale
     amplitudes = np.zeros((harmonics + 1, n), dtype=complex)
-    recovery = np.empty((harmonics + 1, n, 2), dtype=complex)
-    stiffness = np.empty((harmonics + 1, 2, 2), dtype=complex)
+    recovery = np.empty((harmonics + 1, n, c), dtype=complex)
+    stiffness = np.empty((harmonics + 1, c, c), dtype=complex)
     for k in range(harmonics + 1):
-        w = k * speed
-        dynamic = dynamic_stiffness(model, w, speed)
-        loads = np.zeros((n, 3), dtype=complex)
-        loads[:, :2] = model.selection.T
-        if k == 1:
-            loads[:, 2] = speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin)
+        dynamic = dynamic_stiffness(model, k * speed / revolutions, speed)
+        loads = np.zeros((n, c + 1), dtype=complex)
+        loads[:, :c] = model.selection.T
+        if k == revolutions:
+            loads[:, c] = speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin)
         factors, _, answer, singular = zgesv(dynamic, loads)
         if singular or not zgecon(factors, np.abs(dynamic).sum(axis=0).max())[0] > SINGULAR:
-            raise BadInput(f"{model.name} at {speed:g} rad/s has no finite response in harmonic {k}: "
+            raise BadInput(f"{model.name} at {speed:g} rad/s has no finite response in harmonic {k / revolutions:g}: "
                            + ("it can move freely, so give it bearings." if k == 0 else
                               "an undamped resonance; add damping or change the speed."))
-        stiffness[k] = np.linalg.inv(model.selection @ answer[:, :2])
-        recovery[k] = answer[:, :2] @ stiffness[k]
-        amplitudes[k] = answer[:, 2]
+        stiffness[k] = np.linalg.inv(model.selection @ answer[:, :c])
+        recovery[k] = answer[:, :c] @ stiffness[k]
+        amplitudes[k] = answer[:, c]
 
     columns = 2 * harmonics + 1
-    rows = fourier_rows(harmonics, 2 * np.pi * np.arange(samples) / samples)
+    turn = 2 * np.pi * np.arange(samples) / samples
+    rows = fourier_rows(harmonics, turn)
     weights = np.full(columns, 2 / samples)
     weights[0] = 1 / samples
     force = length * float(np.abs(stiffness[0]).max())
     analysis = (weights[:, None] * rows).T / force
     synthesis = length * rows
+    rate = length * speed / revolutions * rate_rows(harmonics, turn)
     return Condensed(
         model, speed, harmonics, samples, length, force,
         stiffness=in_sines(stiffness) * (length / force),
         linear=from_complex((amplitudes @ model.selection.T).T) / length,
         synthesis=synthesis, analysis=analysis,
         products=np.einsum("nk,ln->nkl", analysis, synthesis).reshape(samples, -1),
-        recovery=recovery, shaft_linear=amplitudes,
+        phase=revolutions * turn, rate=rate,
+        rate_products=np.einsum("nk,ln->nkl", analysis, rate if model.law.moving else rate[:0]).reshape(samples, -1),
+        recovery=recovery, shaft_linear=amplitudes, revolutions=revolutions,
     )
 
 
@@ -152,12 +190,13 @@ def condensed_slope(eq: Condensed, dynamic: Sequence[NDArray], load: NDArray) ->
     From D = (S Z⁻¹ Sᵀ)⁻¹ follows D' = (D S Z⁻¹) Z' (Z⁻¹ Sᵀ D), and from Z q = F, q' = Z⁻¹ (F' − Z' q).
     dynamic: one complex (n, n) matrix for each harmonic 0 … m. load: complex, (n,).
     """
-    model, speed = eq.model, eq.speed
-    stiffness = np.empty((eq.harmonics + 1, 2, 2), dtype=complex)
-    linear = np.zeros((eq.harmonics + 1, 2), dtype=complex)
+    model, speed, c = eq.model, eq.speed, len(eq.linear)
+    stiffness = np.empty((eq.harmonics + 1, c, c), dtype=complex)
+    linear = np.zeros((eq.harmonics + 1, c), dtype=complex)
     for k in range(eq.harmonics + 1):
-        answer = np.linalg.solve(dynamic_stiffness(model, k * speed, speed).T, model.selection.T.astype(complex)).T
+        dynamic_k = dynamic_stiffness(model, k * speed / eq.revolutions, speed)
+        answer = np.linalg.solve(dynamic_k.T, model.selection.T.astype(complex)).T
         stiffness[k] = np.linalg.inv(answer @ model.selection.T) @ answer @ dynamic[k] @ eq.recovery[k]
-        if k == 1:
+        if k == eq.revolutions:
             linear[k] = answer @ (load - dynamic[k] @ eq.shaft_linear[k])
     return in_sines(stiffness) * (eq.length / eq.force), from_complex(linear.T) / eq.length

@@ -63,7 +63,7 @@ def sweep(model: Model, method: HarmonicBalance, static_eccentricities: Iterable
     if not values:
         raise BadInput("static_eccentricities is empty; give at least one fraction of the gap.")
     orbit = method.solve(model, speed, values[0], direction=direction)
-    eq, done, rows, left = orbit.equations, values[:1], [orbit.coefficients.ravel() / orbit.equations.length], [
+    eq, done, rows, left = orbit.equations, values[:1], [orbit.local.ravel() / orbit.equations.length], [
         orbit.residual]
     stopped = f"It ends as asked at {100 * values[-1]:.4g} %."
     for value in values[1:]:
@@ -112,9 +112,9 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float | 
     if to == along.first:
         raise BadInput(f"to is {to:g}, where the branch starts; give another end.")
     origin = start or method.balance.solve(model, speed, static_eccentricity, direction=direction)
-    if origin.harmonics != method.balance.harmonics:
-        raise BadInput(f"start has {origin.harmonics} harmonics, the method {method.balance.harmonics}; they must be "
-                       "the same.")
+    if (origin.harmonics, origin.revolutions) != (method.balance.harmonics, method.balance.revolutions):
+        raise BadInput(f"start has {origin.harmonics} harmonics, the method {method.balance.harmonics} (in a period of "
+                       f"{origin.revolutions} and {method.balance.revolutions} revolutions); they must be the same.")
     return _walk(along, origin, to, method)
 
 
@@ -132,7 +132,7 @@ def _walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength) -> B
     left, stopped, closed = method.tail, "", False
     # A circular gap's pull is not a number outside it, so no point that was found can touch at the AFT samples.
     watched = method.smallest_gap > 0 or type(model.law) is not CircularPull
-    for point in arclength(system, origin.coefficients.ravel() / origin.equations.length, along.first / along.scale,
+    for point in arclength(system, origin.local.ravel() / origin.equations.length, along.first / along.scale,
                            toward=forward, step=method.step, max_step=method.max_step, max_turn=method.max_turn):
         if steps and point.tangent[-1] * steps[-1].tangent[-1] < 0:
             fold = locate_fold(system, steps[-1], point)
@@ -171,7 +171,7 @@ def _smallest_gap(along: Path, y: NDArray, value: float) -> float:
     """Smallest gap of an orbit over the AFT samples, m."""
     problem = along.at(value)
     eq = problem.equations
-    return float(np.min(eq.model.law.smallest_gap(y.reshape(2, -1) @ eq.synthesis - problem.centre[:, None])))
+    return float(np.min(eq.model.law.smallest_gap(eq.position(y, problem.centre))))
 
 
 def _comes_back(steps: list[Step]) -> bool:

@@ -21,12 +21,14 @@ class HarmonicBalance:
     """Harmonic balance with m harmonics and alternating frequency and time, Eqs. (10) to (19).
 
     harmonics: m. samples: time samples in a period for the AFT step; by default 16 a harmonic, at least 64.
-    solver: `newton` or `powell_dog_leg` of hydrolab.dynamics.solvers.
+    solver: `newton` or `powell_dog_leg` of hydrolab.dynamics.solvers. revolutions: q in a period; harmonic k then has
+    the frequency kΩ/q, for motions that repeat every q revolutions only.
     """
 
     harmonics: int = 4
     samples: int | None = None
     solver: Callable[..., Solution] = newton
+    revolutions: int = 1
 
     def __post_init__(self) -> None:
         if isinstance(self.harmonics, bool) or not isinstance(self.harmonics, int) or not 1 <= self.harmonics <= 64:
@@ -34,6 +36,10 @@ class HarmonicBalance:
         if not isinstance(self.aft_samples, int) or self.aft_samples < 2 * self.harmonics + 2:
             raise BadInput(f"samples is {self.samples!r}; {self.harmonics} harmonics need at least "
                            f"{2 * self.harmonics + 2}, and several times that for a pull without aliasing.")
+        if isinstance(self.revolutions, bool) or not isinstance(self.revolutions, int) or (
+                not 1 <= self.revolutions <= self.harmonics):
+            raise BadInput(f"revolutions is {self.revolutions!r}; it must be a whole number from 1 to the harmonics, "
+                           f"{self.harmonics}, so that the unbalance is among them.")
 
     @property
     def aft_samples(self) -> int:
@@ -44,7 +50,7 @@ class HarmonicBalance:
         """The condensed equations of a model at a speed (rad/s)."""
         if not (math.isfinite(speed) and speed > 0):
             raise BadInput(f"speed is {speed!r}; it must be a positive number in rad/s (use rpm(150) for 150 rpm).")
-        return condense(model, float(speed), self.harmonics, self.aft_samples)
+        return condense(model, float(speed), self.harmonics, self.aft_samples, self.revolutions)
 
     def solve(self, model: Model, speed: float, static_eccentricity: float = 0.0, *,
               direction: float = math.pi / 2, start: PeriodicOrbit | None = None) -> PeriodicOrbit:
@@ -100,14 +106,18 @@ class HarmonicBalance:
 
 
 def first_guess(eq: Condensed, start: PeriodicOrbit) -> NDArray:
-    """Unknowns of `eq` from an orbit that may have another number of harmonics."""
+    """Unknowns of `eq` from an orbit that may have other harmonics or another number of revolutions in its period."""
     y = np.zeros_like(eq.linear)
-    columns = min(y.shape[1], start.coefficients.shape[1])
-    y[:, :columns] = start.coefficients[:, :columns] / eq.length
+    for k in range(start.harmonics + 1):
+        order = k * eq.revolutions / start.equations.revolutions
+        if order == int(order) <= eq.harmonics:
+            own, new = max(2 * k - 1, 0), max(2 * int(order) - 1, 0)
+            width = 2 if k else 1
+            y[:, new:new + width] = start.local[:, own:own + width] / eq.length
     return y.ravel()
 
 
 def orbit_from(eq: Condensed, eccentricity: float, centre: NDArray, solution: Solution) -> PeriodicOrbit:
     """The orbit of a solution."""
-    return PeriodicOrbit(eq, float(eccentricity), centre, eq.length * solution.y.reshape(2, -1),
+    return PeriodicOrbit(eq, float(eccentricity), centre, eq.length * solution.y.reshape(len(eq.linear), -1),
                          float(np.abs(solution.residual).max() * eq.force))

@@ -55,7 +55,7 @@ def sweep_in_time(start: PeriodicOrbit, values: Iterable[float], *, revolutions:
         section = []
         while not stopped and len(section) < keep:
             state, stopped = _move(system, state, centre, 1, steps)
-            section.append(system.watch @ state)
+            section.append(system.watch[:2] @ state)
         if stopped:
             stopped = f"{stopped} at {100 * value:.4g} %."
             return Passage(values[:i], np.array(sections).reshape(i, keep, 2), stopped)

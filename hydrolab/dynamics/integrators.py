@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from hydrolab.dynamics.condensation import condense
 from hydrolab.dynamics.reduction import reduce
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory, contact_sentence
-from hydrolab.dynamics.time_methods import Block, CentralDifference, Newmark, RungeKutta, Task
+from hydrolab.dynamics.task import Task
+from hydrolab.dynamics.time_methods import Block, CentralDifference, Newmark, RungeKutta
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 
@@ -54,10 +55,11 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
     task = Task(small, float(speed), centre, ramp * period)
     state = _first_state(model, small, speed, start)
     if any(disturbance):
-        static = np.linalg.solve(small.K, small.selection.T)
-        state = state + [static @ np.linalg.solve(small.selection @ static, disturbance), np.zeros(small.size)]
+        generator = small.selection[:2]
+        static = np.linalg.solve(small.K, generator.T)
+        state = state + [static @ np.linalg.solve(generator @ static, disturbance), np.zeros(small.size)]
 
-    blocks: list[Block] = [(np.array([begin]), (small.selection @ state[0])[:, None], state)]
+    blocks: list[Block] = [(np.array([begin]), (small.selection[:2] @ state[0])[:, None], state)]
     stopped = None
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # a motion that grows without bound is said in words below
@@ -91,7 +93,7 @@ def _first_state(model: Model, small: Model, speed: float, start: PeriodicOrbit 
         linear = condense(small.with_field(0.0), float(speed), 1, 8)
         sine, cosine = -linear.shaft_linear[1].imag, linear.shaft_linear[1].real
         return np.stack([cosine, speed * sine])
-    k = np.arange(1, start.harmonics + 1)
+    k = np.arange(1, start.harmonics + 1) / start.revolutions
     shaft = start.shaft
     q = shaft[:, 0] + shaft[:, 2::2].sum(axis=1)
     v = shaft[:, 1::2] @ (k * speed)

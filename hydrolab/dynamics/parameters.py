@@ -17,8 +17,10 @@ from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.problems import Path, Problem
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
+from hydrolab.machine.several import force_at
 
 REACH = 10.0  # parameters other than angles and eccentricities are scaled by this times their first value
+NEARBY = 1e-6  # relative change of the speed for the forces' derivative by it
 
 
 def path(model: Model, parameter: str, balance: HarmonicBalance, speed: float, static_eccentricity: float,
@@ -74,8 +76,10 @@ def _field(here: Problem, balance: HarmonicBalance) -> Path:
     own = here.equations
 
     def slope(problem: Problem, value: float, y: NDArray, jacobian: NDArray) -> NDArray:
-        position = y.reshape(2, -1) @ own.synthesis - problem.centre[:, None]
-        return -2 * value * (own.model.law.force(position) @ own.analysis).ravel()  # the pull goes with the square
+        position, velocity = own.position(y, problem.centre), own.velocity(y)
+        laws = own.model.law, own.model.law.scaled(0.0)
+        with_it, without = (force_at(law, position, velocity, own.phase, own.speed) for law in laws)
+        return -2 * value * ((with_it - without) @ own.analysis).ravel()  # the pull goes with the square
 
     return Path("field", "times its own", 1.0, REACH,
                 lambda value: replace(here, equations=replace(own, model=own.model.with_field(value))), slope)
@@ -96,10 +100,17 @@ def _speed(here: Problem, balance: HarmonicBalance) -> Path:
     model = here.equations.model
 
     def slope(problem: Problem, value: float, y: NDArray, jacobian: NDArray) -> NDArray:
+        eq = problem.equations
         dynamic = [-2 * k**2 * value * model.M + 1j * k * (model.velocity_matrix(value) + value * model.G)
-                   for k in range(balance.harmonics + 1)]
+                   for k in np.arange(balance.harmonics + 1) / balance.revolutions]
         load = 2 * value * (model.unbalance_cos - 1j * model.unbalance_sin)
-        return _linear_slope(problem.equations, dynamic, load, y)
+        change = _linear_slope(eq, dynamic, load, y)
+        if model.law.moving:  # velocities of the same orbit grow with the speed, and a film knows the speed itself
+            position, velocity = eq.position(y, problem.centre), eq.velocity(y)
+            faster, slower = (model.law.force_at(position, (1 + h) * velocity, eq.phase, (1 + h) * value)
+                              for h in (NEARBY, -NEARBY))
+            change -= ((faster - slower) / (2 * NEARBY * value) @ eq.analysis).ravel()
+        return change
 
     return Path("speed", "rad/s", here.equations.speed, REACH * here.equations.speed,
                 lambda value: replace(here, equations=balance.equations(model, value)), slope)

@@ -26,18 +26,29 @@ def contact_sentence(time: float, speed: float, angle: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class PeriodicOrbit:
-    """A steady state with the period of the rotation.
+    """A steady state with the period of the rotation, or of `revolutions` of them; harmonic k is then k/revolutions X.
 
     static_eccentricity: offset of the stator as a fraction of the gap; centre: (x_E, z_E), m.
-    coefficients: [mean, sin 1, cos 1, …] of the generator centre's x and z, m, shape (2, 2m + 1), Eq. (10).
+    local: [mean, sin 1, cos 1, …] of the c nonlinear coordinates, shape (c, 2m + 1), Eq. (10); the generator centre's x
+    and z, m, are first.
     residual: largest force left over in the harmonic balance, N.
     """
 
     equations: Condensed
     static_eccentricity: float
     centre: NDArray
-    coefficients: NDArray
+    local: NDArray
     residual: float
+
+    @property
+    def coefficients(self) -> NDArray:
+        """[mean, sin 1, cos 1, …] of the generator centre's x and z, m, shape (2, 2m + 1)."""
+        return self.local[:2]
+
+    @property
+    def revolutions(self) -> int:
+        """Revolutions in a period."""
+        return self.equations.revolutions
 
     @property
     def model(self) -> Model:
@@ -64,18 +75,26 @@ class PeriodicOrbit:
         """√(A_k² + B_k²) of x and z for k = 1 … m, m 0-to-peak, shape (2, m); the paper's section 5.2."""
         return np.hypot(self.coefficients[:, 1::2], self.coefficients[:, 2::2])
 
+    def coordinates(self, phase: NDArray) -> NDArray:
+        """All c nonlinear coordinates at the phases Ωt (rad), shape (c, len(phase))."""
+        phase = np.asarray(phase, dtype=float) / self.revolutions
+        k = np.arange(1, self.harmonics + 1)[:, None]
+        return self.local[:, :1] + self.local[:, 1::2] @ np.sin(k * phase) + self.local[:, 2::2] @ np.cos(k * phase)
+
     def positions(self, phase: NDArray) -> NDArray:
         """Position (x, z) of the generator centre at the phases Ωt (rad), m, shape (2, len(phase))."""
-        phase = np.asarray(phase, dtype=float)
-        k = np.arange(1, self.harmonics + 1)[:, None]
-        return (self.coefficients[:, :1] + self.coefficients[:, 1::2] @ np.sin(k * phase)
-                + self.coefficients[:, 2::2] @ np.cos(k * phase))
+        return self.coordinates(phase)[:2]
+
+    @cached_property
+    def _around(self) -> NDArray:
+        """The nonlinear coordinates around the period as the law takes them, (c, 360)."""
+        return self.model.relative(self.coordinates(self.revolutions * PERIOD), self.centre[:, None])
 
     def velocities(self, phase: NDArray) -> NDArray:
         """Velocity of the generator centre at the phases Ωt (rad), m/s, shape (2, len(phase))."""
-        phase = np.asarray(phase, dtype=float)
+        phase = np.asarray(phase, dtype=float) / self.revolutions
         k = np.arange(1, self.harmonics + 1)
-        rate = self.speed * k
+        rate = self.speed / self.revolutions * k
         return ((rate * self.coefficients[:, 1::2]) @ np.cos(k[:, None] * phase)
                 - (rate * self.coefficients[:, 2::2]) @ np.sin(k[:, None] * phase))
 
@@ -83,7 +102,7 @@ class PeriodicOrbit:
     def shaft(self) -> NDArray:
         """[mean, sin 1, cos 1, …] of every DOF, recovered by back-substitution; shape (n, 2m + 1), m or rad."""
         eq = self.equations
-        away = to_complex(self.coefficients - eq.length * eq.linear)
+        away = to_complex(self.local - eq.length * eq.linear)
         return from_complex((eq.shaft_linear + np.einsum("knd,dk->kn", eq.recovery, away)).T)
 
     def node_coefficients(self, node: int) -> NDArray:
@@ -95,7 +114,7 @@ class PeriodicOrbit:
     @cached_property
     def smallest_gap(self) -> float:
         """Smallest air gap over the period and the circumference, m (inf where there is no gap)."""
-        return float(np.min(self.model.law.smallest_gap(self.positions(PERIOD) - self.centre[:, None])))
+        return float(np.min(self.model.law.smallest_gap(self._around)))
 
     def require_clear(self) -> None:
         """Raise Contact, with the angle and the time, if the rotor touches the stator anywhere on this orbit.
@@ -104,19 +123,21 @@ class PeriodicOrbit:
         """
         if self.smallest_gap > 0:
             return
-        e = self.positions(PERIOD) - self.centre[:, None]
+        e = self._around
         first = int(np.argmax(self.model.law.smallest_gap(e) <= 0))
         raise Contact(f"The steady state at {100 * self.static_eccentricity:.4g} % would touch the stator: "
-                      + contact_sentence(PERIOD[first] / self.speed, self.speed,
+                      + contact_sentence(self.revolutions * PERIOD[first] / self.speed, self.speed,
                                          float(self.model.law.gap_angle(e[:, first])))
                       + " Lower the eccentricity, the unbalance or the field.")
 
     def __str__(self) -> str:
         mean = 1e6 * np.hypot(*self.mean)
-        shares = ", ".join(f"{k}X {1e6 * a:.3g}/{1e6 * b:.3g}" for k, (a, b) in enumerate(self.amplitudes.T, 1))
+        shares = ", ".join(f"{k / self.revolutions:.3g}X {1e6 * a:.3g}/{1e6 * b:.3g}"
+                           for k, (a, b) in enumerate(self.amplitudes.T, 1))
+        period = f", repeating every {self.revolutions} revolutions" if self.revolutions > 1 else ""
         gap = f"smallest gap {1e3 * self.smallest_gap:.3f} mm, " if math.isfinite(self.smallest_gap) else ""
         return (f"Steady state of {self.model.name} at {self.speed * 30 / math.pi:.4g} rpm, static eccentricity "
-                f"{100 * self.static_eccentricity:.4g} %: mean displacement {mean:.4g} µm; x/z amplitudes "
+                f"{100 * self.static_eccentricity:.4g} %{period}: mean displacement {mean:.4g} µm; x/z amplitudes "
                 f"(µm, 0-to-peak) {shares}; {gap}residual {self.residual:.1e} N.")
 
 
@@ -168,8 +189,8 @@ class Branch:
         """The orbit with these unknowns at a value of the parameter."""
         problem = self.path.at(value)
         eq = problem.equations
-        return PeriodicOrbit(eq, problem.static_eccentricity, problem.centre, eq.length * unknowns.reshape(2, -1),
-                             residual)
+        local = eq.length * unknowns.reshape(len(eq.linear), -1)
+        return PeriodicOrbit(eq, problem.static_eccentricity, problem.centre, local, residual)
 
     @property
     def parameter(self) -> str:
@@ -222,7 +243,7 @@ class Branch:
     @cached_property
     def coefficients(self) -> NDArray:
         """[mean, sin 1, cos 1, …] of the generator centre at every point, m, shape (points, 2, 2m + 1)."""
-        return self.equations.length * self.unknowns.reshape(len(self), 2, -1)
+        return self.equations.length * self.unknowns.reshape(len(self), len(self.equations.linear), -1)[:, :2]
 
     @cached_property
     def smallest_gaps(self) -> NDArray:

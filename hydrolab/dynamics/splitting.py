@@ -20,22 +20,26 @@ from numpy.typing import NDArray
 
 from hydrolab.dynamics.reduction import reduce
 from hydrolab.dynamics.results import PeriodicOrbit
+from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
+from hydrolab.machine.several import linearise_at
 
 
 @dataclass(frozen=True, eq=False)
 class Split:
     """A reduced model at one speed, ready to be advanced; a state is [q, q̇] less the linear response, (2r, …).
 
-    constant: matrix of the linear part, (2r, 2r). watch: the generator's (x, z) of a state, (2, 2r). push: change of
-    a state by a unit impulse at the generator, (2r, 2). slope: negative stiffness in the linear part, N/m, (2, 2).
-    turning, static: the linear response at phase φ is Re(turning e^{iφ}) + static · centre; (2r,) complex, (2r, 2).
+    constant: matrix of the linear part, (2r, 2r). watch, watch_rate: the c nonlinear coordinates of a state and their
+    velocities, (c, 2r); the generator's (x, z) are first. push: change of a state by a unit impulse on them, (2r, c).
+    slope: that of the forces at rest, in the linear part, N/m, (c, c). turning, static: the linear response at phase φ
+    is Re(turning e^{iφ}) + static · centre; (2r,) complex, (2r, 2).
     """
 
     model: Model
     speed: float
     constant: NDArray
     watch: NDArray
+    watch_rate: NDArray
     push: NDArray
     slope: NDArray
     turning: NDArray
@@ -47,7 +51,7 @@ class Split:
 
     def state(self, orbit: PeriodicOrbit, full: Model) -> NDArray:
         """State of an orbit of the full model at phase 0, (2r,), by mass-weighted projection."""
-        k = np.arange(1, orbit.harmonics + 1)
+        k = np.arange(1, orbit.harmonics + 1) / orbit.revolutions
         shaft = orbit.shaft
         q, v = shaft[:, 0] + shaft[:, 2::2].sum(axis=1), shaft[:, 1::2] @ (k * orbit.speed)
         small = self.model
@@ -59,16 +63,18 @@ def split(model: Model, speed: float, modes: int = 12) -> Split:
     """Split a model on its modal basis (`reduce`) at a speed (rad/s)."""
     small = reduce(model, modes, gyroscopic=True)
     r, inverse = small.size, np.linalg.inv(small.M)
-    slope = small.law.linearise(np.zeros(2))[1]
+    rest = np.zeros(len(small.selection))
+    slope = linearise_at(small.law, rest, rest, 0.0, speed)[1]
     stiffness = small.K - small.selection.T @ slope @ small.selection
     velocity = small.velocity_matrix(speed)
     constant = np.block([[np.zeros((r, r)), np.eye(r)], [-inverse @ stiffness, -inverse @ velocity]])
-    watch = np.hstack([small.selection, np.zeros_like(small.selection)])
-    push = np.vstack([np.zeros((r, 2)), inverse @ small.selection.T])
+    zeros = np.zeros_like(small.selection)
+    push = np.vstack([zeros.T, inverse @ small.selection.T])
     forced = np.linalg.solve(stiffness - speed**2 * small.M + 1j * speed * velocity,
                              speed**2 * (small.unbalance_cos - 1j * small.unbalance_sin))
-    static = np.linalg.solve(stiffness, -small.selection.T @ slope)
-    return Split(small, float(speed), constant, watch, push, slope, np.concatenate([forced, 1j * speed * forced]),
+    static = np.linalg.solve(stiffness, -small.selection.T @ slope[:, :2])
+    return Split(small, float(speed), constant, np.hstack([small.selection, zeros]), np.hstack([zeros, small.selection]),
+                 push, slope, np.concatenate([forced, 1j * speed * forced]),
                  np.vstack([static, np.zeros_like(static)]))
 
 
@@ -97,12 +103,16 @@ def advance(system: Split, states: NDArray, centre: NDArray, revolutions: int, s
 
     states: (2r, members). centre: stator centre, m, (2,). steps: in a revolution.
     An interrupt (Ctrl-C) returns the state after the last whole revolution.
+    Raises BadInput for a force that depends on the velocity or the phase, which `integrate` takes.
     """
+    if system.model.law.moving:
+        raise BadInput(f"{system.model.name} has a force that depends on velocity or phase; many motions at once are "
+                       "made for forces of position alone. Use `integrate`.")
     h = 2 * math.pi / system.speed / steps
     flow, half = flows(system, steps)
     middle = 2 * math.pi * (np.arange(steps) + 0.5) / steps
-    forced = (np.outer(np.exp(1j * middle), system.watch @ system.turning).real
-              + system.watch @ system.static @ centre - centre)
+    forced = np.outer(np.exp(1j * middle), system.watch @ system.turning).real + system.watch @ system.static @ centre
+    forced[:, :2] -= centre
     law, watch, push, slope = system.model.law, system.watch, h * system.push, system.slope
     out, contact = states.copy(), np.full(states.shape[1], np.nan)
     active = np.arange(states.shape[1])
@@ -113,7 +123,7 @@ def advance(system: Split, states: NDArray, centre: NDArray, revolutions: int, s
             touched = np.zeros(now.shape[1], dtype=bool)
             for n in range(steps):
                 place = watch @ now + forced[n][:, None]
-                new = ~(law.smallest_gap(place) > 0) & ~touched
+                new = ~(law.smallest_gap(place[:2]) > 0) & ~touched
                 if new.any():
                     contact[active[new]] = revolution + (n + 0.5) / steps
                     out[:, active[new]] = now[:, new]

@@ -36,6 +36,7 @@ MORE_MODES = 2  # in the guard
 QUICK = 24  # steps where there is no guard
 CROSSING = 1e-8  # of the distance between two points: how closely a crossing is located
 FINER = ((6, 64, 2), (10, 512, 4))  # modes, steps and factor on the harmonics of the second and third look
+ENOUGH = 32  # harmonics beyond which a finer look takes no more: they cost memory with their third power
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,15 +90,15 @@ def floquet_all(orbits: Sequence[PeriodicOrbit], modes: int = MODES, steps: int 
     eq = orbits[0].equations
     if any(o.equations is not eq for o in orbits):
         return [floquet_all([o], modes, steps, guard=guard)[0] for o in orbits]
-    coefficients = np.stack([o.coefficients for o in orbits])
+    coefficients = np.stack([o.local for o in orbits])
     centres = np.stack([o.centre for o in orbits])
     system = split(eq.model, eq.speed, modes)
     if not guard:
-        values, error = multipliers(system, coefficients, centres, steps)
+        values, error = multipliers(system, coefficients, centres, steps, eq.revolutions)
     else:
-        first = eigenvalues(monodromy(system, coefficients, centres, steps)[0])
+        first = eigenvalues(monodromy(system, coefficients, centres, steps, eq.revolutions)[0])
         richer, found = _with_harmonics(eq, coefficients, centres, 2)
-        values, error = multipliers(split(eq.model, eq.speed, modes + MORE_MODES), richer, centres, steps)
+        values, error = multipliers(split(eq.model, eq.speed, modes + MORE_MODES), richer, centres, steps, eq.revolutions)
         error = np.maximum(error, moved(first, values))
         error[~found] = np.inf
         for more_modes, more_steps, factor in FINER:
@@ -122,8 +123,8 @@ def clear(values: NDArray, error: NDArray) -> NDArray:
 
 def _with_harmonics(eq, coefficients: NDArray, centres: NDArray, factor: int) -> tuple[NDArray, NDArray]:
     """The orbits solved again with `factor` times the harmonics, and which of them converged."""
-    richer = condense(eq.model, eq.speed, factor * eq.harmonics, factor * eq.samples)
-    start = np.zeros((len(coefficients), 2, 2 * richer.harmonics + 1))
+    richer = condense(eq.model, eq.speed, factor * eq.harmonics, factor * eq.samples, eq.revolutions)
+    start = np.zeros((*coefficients.shape[:2], 2 * richer.harmonics + 1))
     start[:, :, :coefficients.shape[2]] = coefficients / richer.length
     start = start.reshape(len(start), -1)
     if type(eq.model.law) is CircularPull:
@@ -133,16 +134,17 @@ def _with_harmonics(eq, coefficients: NDArray, centres: NDArray, factor: int) ->
         solutions = [newton(lambda y, c=c: richer.linearise(y, c), s) for s, c in zip(start, centres, strict=True)]
         y, found = np.array([s.y for s in solutions]), np.array([s.converged for s in solutions])
     near = np.abs(y - start).max(axis=1) < 0.05  # not another orbit
-    return richer.length * y.reshape(len(y), 2, -1), found & near
+    return richer.length * y.reshape(coefficients.shape[0], coefficients.shape[1], -1), found & near
 
 
 def _again(eq, coefficients: NDArray, centres: NDArray, modes: int, steps: int,
            factor: int) -> tuple[NDArray, NDArray]:
     """A finer look; its guard has twice the harmonics and more modes."""
+    factor = min(factor, max(1, ENOUGH // eq.harmonics))
     some, found = _with_harmonics(eq, coefficients, centres, factor)
     more, found_more = _with_harmonics(eq, coefficients, centres, 2 * factor)
-    values, error = multipliers(split(eq.model, eq.speed, modes + MORE_MODES), more, centres, steps)
-    first, _ = multipliers(split(eq.model, eq.speed, modes), some, centres, steps)
+    values, error = multipliers(split(eq.model, eq.speed, modes + MORE_MODES), more, centres, steps, eq.revolutions)
+    first, _ = multipliers(split(eq.model, eq.speed, modes), some, centres, steps, eq.revolutions)
     error = np.maximum(error, moved(first, values))
     error[~(found & found_more)] = np.inf
     return values, error
@@ -220,8 +222,8 @@ def _locate(branch: Branch, i: int, places: range, modes: int, steps: int) -> li
             raise NoConvergence(f"The branch was lost between its points {i} and {i + 1}; use a smaller `max_step`.")
         problem = branch.path.at(step.parameter * scale)
         eq = problem.equations
-        values, _ = multipliers(split(eq.model, eq.speed, modes), step.y.reshape(1, 2, -1) * eq.length,
-                                problem.centre[None], steps)
+        values, _ = multipliers(split(eq.model, eq.speed, modes), step.y.reshape(1, len(eq.linear), -1) * eq.length,
+                                problem.centre[None], steps, eq.revolutions)
         return np.append(step.y, step.parameter), values[0]
 
     def margin(s: float, place: int) -> float:

@@ -1,53 +1,25 @@
 """Methods of time integration: centred finite differences, Newmark, and SciPy's Runge–Kutta.
 
 A method object says how; its `run` yields the motion one revolution at a time. The step of each is a free function
-over arrays, and the pull of a circular gap is taken on plain floats, which costs a third of the same on arrays.
+over arrays.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from hydrolab.dynamics.task import Task, explicit_pull, implicit_forces, implicit_pull
 from hydrolab.errors import BadInput, NoConvergence
-from hydrolab.machine.forces import CircularPull, ForceLaw
+from hydrolab.machine.forces import CircularPull
 from hydrolab.machine.model import Model
 
 Block = tuple[NDArray, NDArray, NDArray]  # times, positions (2, n) of a piece of motion, state (2, r) at its end
-
-
-@dataclass(frozen=True)
-class Task:
-    """What is integrated: a model at a speed, the stator centre, and the field's ramp."""
-
-    model: Model
-    speed: float
-    centre: NDArray
-    ramp: float
-
-    def field(self, time: float) -> float:
-        """Share of the full flux density at a time: linear up to 1 at the end of the ramp."""
-        return min(1.0, time / self.ramp) if self.ramp > 0 else 1.0
-
-    def pull(self, time: float, u: NDArray) -> NDArray:
-        """Force on the generator at position u, N; the pull goes with the square of the field."""
-        return self.field(time) ** 2 * self.model.law.force(u - self.centre)
-
-    def unbalance(self, time: float) -> NDArray:
-        """Unbalance force on all DOFs, N."""
-        phase = self.speed * time
-        return self.speed**2 * (self.model.unbalance_sin * math.sin(phase) + self.model.unbalance_cos * math.cos(phase))
-
-    def acceleration(self, time: float, q: NDArray, v: NDArray) -> NDArray:
-        """q̈ from the equation of motion, Eq. (9)."""
-        m = self.model
-        force = self.unbalance(time) + m.selection.T @ self.pull(time, m.selection @ q)
-        return np.linalg.solve(m.M, force - m.velocity_matrix(self.speed) @ v - m.K @ q)
 
 
 @dataclass(frozen=True)
@@ -77,17 +49,20 @@ class CentralDifference:
         forcing = np.array([load @ task.unbalance(start + i * dt) for i in range(n)])
         q, v = state
         old = q - dt * v + 0.5 * dt**2 * task.acceleration(start, q, v)
-        u = m.selection @ q
+        older, u, rate = None, m.selection @ q, m.selection @ v
         pull = explicit_pull(task)
 
         def ahead(step: int) -> NDArray:
-            return now @ q + before @ old + push @ pull(start + step * dt, u) + forcing[step % n]
+            return now @ q + before @ old + push @ pull(start + step * dt, u, rate) + forcing[step % n]
 
         for revolution in range(revolutions):
             path = np.empty((n, 2))
             for i in range(n):
-                old, q = q, ahead(revolution * n + i)
-                path[i] = u = m.selection @ q
+                older, old, q = old, q, ahead(revolution * n + i)
+                u = m.selection @ q
+                path[i] = u[:2]
+                if m.law.moving:  # known to second order from what has been computed
+                    rate = m.selection @ (1.5 * q - 2 * old + 0.5 * older) / dt
             last = (revolution + 1) * n
             v = (ahead(last) - old) / (2 * dt)  # what the start formula above turns into `old` again
             yield start + (last - n + 1 + np.arange(n)) * dt, path.T, np.stack([q, v])
@@ -109,7 +84,7 @@ def central_difference_matrices(model: Model, speed: float, dt: float) -> tuple[
 class Newmark:
     """Newmark's method, average acceleration by default: no step limit, no numerical damping, second order.
 
-    The pull at the new time is solved for, on its own two coordinates; a lagged pull would act as damping.
+    The pull at the new time is solved for, on its own coordinates; a lagged pull would act as damping.
     """
 
     steps_per_revolution: int = 512
@@ -131,7 +106,10 @@ class Newmark:
         m, n, r = task.model, self.steps_per_revolution, task.model.size
         dt = 2 * math.pi / task.speed / n
         advance, push, load = newmark_matrices(m, task.speed, dt, self.beta, self.gamma)
-        pull = implicit_pull(task, m.selection @ push[:r])
+        if type(m.law) is CircularPull:
+            pull = implicit_pull(task, m.selection @ push[:r])
+        else:
+            pull = implicit_forces(task, m.selection @ push[:r], m.selection @ push[r:2 * r])
         forcing = np.array([load @ task.unbalance(start + (i + 1) * dt) for i in range(n)])
         motion = np.concatenate([*state, task.acceleration(start, *state)])
         u = m.selection @ state[0]
@@ -139,9 +117,10 @@ class Newmark:
             path = np.empty((n, 2))
             for i in range(n):
                 free = advance @ motion + forcing[i]
-                force = pull(start + (revolution * n + i + 1) * dt, m.selection @ free[:r], u)
+                force = pull(start + (revolution * n + i + 1) * dt, m.selection @ free[:r], u, m.selection @ free[r:2 * r])
                 motion = free + push @ force
-                path[i] = u = m.selection @ motion[:r]
+                u = m.selection @ motion[:r]
+                path[i] = u[:2]
             yield start + (revolution * n + 1 + np.arange(n)) * dt, path.T, motion[:2 * r].reshape(2, r).copy()
 
 
@@ -183,7 +162,7 @@ class RungeKutta:
         inverse = np.linalg.inv(m.M)
         constant = np.block([[np.zeros((r, r)), np.eye(r)],
                              [-inverse @ m.K, -inverse @ m.velocity_matrix(task.speed)]])
-        load = np.vstack([np.zeros((r, 2)), inverse @ m.selection.T])
+        load = np.vstack([np.zeros_like(m.selection.T), inverse @ m.selection.T])
         shaken = np.zeros((2, 2 * r))
         shaken[:, r:] = task.speed**2 * np.stack([inverse @ m.unbalance_sin, inverse @ m.unbalance_cos])
         watch = m.selection
@@ -191,11 +170,11 @@ class RungeKutta:
 
         def rate(t: float, s: NDArray) -> NDArray:
             phase = task.speed * t
-            return (constant @ s + load @ pull(t, watch @ s[:r])
+            return (constant @ s + load @ pull(t, watch @ s[:r], watch @ s[r:])
                     + math.sin(phase) * shaken[0] + math.cos(phase) * shaken[1])
 
         def clearance(t: float, s: NDArray) -> float:
-            return float(m.law.smallest_gap(watch @ s[:r] - task.centre)) - 1e-6 * m.gap
+            return float(m.law.smallest_gap(watch[:2] @ s[:r] - task.centre)) - 1e-6 * m.gap
 
         clearance.terminal = True
         for revolution in range(revolutions):
@@ -213,7 +192,7 @@ class RungeKutta:
                                     "Raise rtol, or look at the motion before it.")
             path = np.full((2, n), np.nan)  # nan from contact on
             if len(found.t):
-                path[:, :len(found.t)] = watch @ found.y[:r]
+                path[:, :len(found.t)] = watch[:2] @ found.y[:r]
                 state = found.y[:, -1].reshape(2, r)
             yield times, path, state
 
@@ -221,67 +200,3 @@ class RungeKutta:
 def _check_steps(steps: int) -> None:
     if isinstance(steps, bool) or not isinstance(steps, int) or steps < 8:
         raise BadInput(f"steps_per_revolution is {steps!r}; it must be a whole number of at least 8.")
-
-
-def on_floats(law: ForceLaw) -> Callable[[float, float], tuple[float, ...]]:
-    """The law for a loop: (x, z) → (Fx, Fz, ∂Fx/∂x, ∂Fx/∂z, ∂Fz/∂x, ∂Fz/∂z); nan outside the gap.
-
-    The circular law on two floats costs a tenth of the same on arrays of length one.
-    """
-    if type(law) is not CircularPull:
-        def general(x: float, z: float) -> tuple[float, ...]:
-            force, slope = law.linearise(np.array([x, z]))
-            return (*force.tolist(), *slope.ravel().tolist())
-        return general
-    stiffness, square = law.stiffness, law.gap**2
-
-    def circular(x: float, z: float) -> tuple[float, ...]:
-        room = 1 - (x * x + z * z) / square
-        if not room > 0:
-            return (math.nan,) * 6
-        k = stiffness / (room * math.sqrt(room))
-        b = 3 * k / (room * square)
-        return k * x, k * z, k + b * x * x, b * x * z, b * x * z, k + b * z * z
-
-    return circular
-
-
-def explicit_pull(task: Task) -> Callable[[float, NDArray], NDArray]:
-    """The pull at a time and a known position (2,), N, for a loop."""
-    law, (xe, ze) = on_floats(task.model.law), task.centre.tolist()
-
-    def pull(t: float, u: NDArray) -> NDArray:
-        x, z = u.tolist()
-        fx, fz, *_ = law(x - xe, z - ze)
-        strength = task.field(t) ** 2
-        return np.array([strength * fx, strength * fz])
-
-    return pull
-
-
-def implicit_pull(task: Task, compliance: NDArray) -> Callable[[float, NDArray, NDArray], NDArray]:
-    """The pull f at the unknown position u = free + compliance f(u), by Newton on its two coordinates.
-
-    Returns a function of time, free (2,) and a guess of u (2,); its f is nan outside the gap.
-    """
-    law, (xe, ze) = on_floats(task.model.law), task.centre.tolist()
-    (cxx, cxz), (czx, czz) = compliance.tolist()
-    scale = task.model.length_scale
-
-    def pull(t: float, free: NDArray, guess: NDArray) -> NDArray:
-        (free_x, free_z), (x, z) = free.tolist(), guess.tolist()
-        strength = task.field(t) ** 2
-        for _ in range(20):
-            fx, fz, kxx, kxz, kzx, kzz = (strength * value for value in law(x - xe, z - ze))
-            rx, rz = free_x + cxx * fx + cxz * fz - x, free_z + czx * fx + czz * fz - z
-            if not abs(rx) + abs(rz) > 1e-13 * (scale + abs(x) + abs(z)):
-                return np.array([fx, fz])
-            # (I − compliance slope) step = r, by Cramer's rule
-            a, b = 1 - cxx * kxx - cxz * kzx, -cxx * kxz - cxz * kzz
-            c, d = -czx * kxx - czz * kzx, 1 - czx * kxz - czz * kzz
-            determinant = a * d - b * c
-            x, z = x + (d * rx - b * rz) / determinant, z + (a * rz - c * rx) / determinant
-        raise NoConvergence(f"Newmark found no position after {t * task.speed / (2 * math.pi):.2f} revolutions: the "
-                            "pull changes too much in a step. Use more steps per revolution.")
-
-    return pull

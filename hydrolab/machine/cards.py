@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import partial
 from importlib.resources import files
@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from hydrolab.errors import BadInput
+from hydrolab.machine.fault_parts import Crack, JournalFilm, PadBearing
 from hydrolab.machine.parts import (
     SI_UNITS,
     AirGap,
@@ -39,7 +40,7 @@ SCHEMA = 1
 LARGEST_CARD = 2_000_000  # bytes
 SOURCES = ("paper", "Table 1", "literature", "derived", "calibrated", "assumed")
 UNITS: dict[str, dict[str, tuple[float, float]]] = {
-    "m": {"m": (1, 1), "mm": (1, 1000)},
+    "m": {"m": (1, 1), "mm": (1, 1000), "µm": (1, 1_000_000)},
     "kg": {"kg": (1, 1), "t": (1000, 1)},
     "kg m": {"kg m": (1, 1), "kg mm": (1, 1000)},
     "kg m^2": {"kg m^2": (1, 1), "t m^2": (1000, 1)},
@@ -52,15 +53,19 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
 
 @dataclass(frozen=True)
 class Section:
-    """What a table of a card holds: plain keys with their type, and numbers that must or may be there."""
+    """What a table of a card holds: plain keys with their type, and numbers that must or may be there.
+
+    choices: plain keys with their type that may be left out.
+    """
 
     plain: Mapping[str, type]
     required: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
+    choices: Mapping[str, type] = field(default_factory=dict)
 
 
 CARD = Section({"schema": int, "name": str}, ("speed",))
-OTHERS = ("title", "about", "shaft", "bodies", "bearings", "damping", "air_gap")  # all optional
+OTHERS = ("title", "about", "shaft", "bodies", "bearings", "damping", "air_gap", "cracks")  # all optional
 SHAFT = Section({"element": str}, ("nodes", "diameter", "young", "density", "poisson", "shear_coefficient"),
                 ("inner_diameter",))
 BODY = Section({"name": str, "node": int}, ("mass", "Id", "Ip"), ("offset", "unbalance", "phase"))
@@ -70,7 +75,17 @@ ZEROS = {"Id": 0.0, "Ip": 0.0}  # of a point mass
 THRUST = Section({"name": str, "node": int}, ("tilt_stiffness",))
 DAMPING = Section({}, ("ratio",))
 NUMBER = Section({"unit": str, "source": str})
-AIR_GAP = Section({"body": str}, ("field", "mean_radius", "length", "gap"))
+AIR_GAP = Section({"body": str}, ("field", "mean_radius", "length", "gap"), choices={"tilt": bool})
+PADS = Section({"name": str, "node": int, "pads": int}, ("pad_stiffness", "clearance"), ("angle", "rounding"))
+FILM = Section({"name": str, "node": int}, ("viscosity", "journal_radius", "film_length", "clearance"))
+CRACK = Section({"name": str, "element": int}, ("depth",), ("phase", "rounding_angle"), {"breathing": str})
+BEARINGS: dict[str, tuple[Section, type, str]] = {
+    "stiffness": (RADIAL, RadialBearing, "a radial bearing"),
+    "tilt_stiffness": (THRUST, ThrustBearing, "a thrust bearing"),
+    "pad_stiffness": (PADS, PadBearing, "pads with clearance"),
+    "viscosity": (FILM, JournalFilm, "a journal film"),
+}  # the number that tells which kind a bearing is
+KINDS = {str: "text", int: "a whole number", bool: "true or false"}
 
 
 def card_names() -> list[str]:
@@ -133,7 +148,8 @@ def machine_from_card(card: Mapping[str, Any]) -> Machine:
         _check_keys(key, table, section)
         found = {k: _entry(f"{key}.{k}", table[k]) for k in (*section.required, *section.optional) if k in table}
         try:
-            made = make(**{k: table[k] for k in section.plain}, **{k: entry.si for k, entry in found.items()})
+            plain = {k: table[k] for k in (*section.plain, *section.choices) if k in table}
+            made = make(**plain, **{k: entry.si for k, entry in found.items()})
         except BadInput as error:
             raise BadInput(_as_stated(str(error), {f"{key}.{k}": entry for k, entry in found.items()})) from None
         entries.update({f"{key}.{k}": replace(entry, si=getattr(made, k)) for k, entry in found.items()})
@@ -145,21 +161,17 @@ def machine_from_card(card: Mapping[str, Any]) -> Machine:
     shaft = table("shaft", SHAFT, Shaft)
     body_section = BODY if shaft else POINT_MASS
     bodies = tuple(part(key, body, body_section, partial(RigidBody, **ZEROS)) for key, body in _list("bodies", card))
-    radial, thrust = [], []
+    bearings: dict[type, list] = {kind: [] for _, kind, _ in BEARINGS.values()}
     for key, bearing in _list("bearings", card):
-        tilts = "tilt_stiffness" in bearing
-        if tilts and "stiffness" in bearing:
-            raise BadInput(f"{key} has both stiffness and tilt_stiffness; a radial bearing has stiffness, a thrust "
-                           "bearing tilt_stiffness, so write two bearings.")
-        if not tilts and "stiffness" not in bearing:
-            raise BadInput(f"{key} has neither stiffness (a radial bearing) nor tilt_stiffness (a thrust bearing); "
-                           f"add stiffness = {_example('stiffness')}, or the other.")
-        (thrust if tilts else radial).append(
-            part(key, bearing, THRUST, ThrustBearing) if tilts else part(key, bearing, RADIAL, RadialBearing))
+        section, kind = _kind_of_bearing(key, bearing)
+        bearings[kind].append(part(key, bearing, section, kind))
+    cracks = tuple(part(key, crack, CRACK, Crack) for key, crack in _list("cracks", card))
     damping, air_gap = table("damping", DAMPING, RayleighDamping), table("air_gap", AIR_GAP, AirGap)
     try:
-        return Machine(card["name"], speed.si, shaft, bodies, tuple(radial), tuple(thrust), damping, air_gap,
-                       _prose("title", card.get("title", "")), entries, _prose("about", card.get("about", "")))
+        return Machine(
+            card["name"], speed.si, shaft, bodies, tuple(bearings[RadialBearing]), tuple(bearings[ThrustBearing]), damping,
+            air_gap, _prose("title", card.get("title", "")), entries, _prose("about", card.get("about", "")),
+            tuple(bearings[PadBearing]), tuple(bearings[JournalFilm]), cracks)
     except BadInput as error:
         raise BadInput(_as_stated(str(error), entries)) from None
 
@@ -254,21 +266,35 @@ def _list(key: str, card: Mapping) -> list[tuple[str, Mapping]]:
             for i, table in enumerate(tables)]
 
 
+def _kind_of_bearing(key: str, bearing: Mapping) -> tuple[Section, type]:
+    """The section and the part of a bearing, by the one number that tells its kind."""
+    told = [k for k in BEARINGS if k in bearing]
+    if len(told) > 1:
+        kinds = "; ".join(f"{BEARINGS[k][2]} has {k}" for k in told)
+        raise BadInput(f"{key} has both {' and '.join(told)}: {kinds}; write two bearings.")
+    if not told:
+        raise BadInput(f"{key} has neither {' nor '.join(f'{k} ({what})' for k, (_, _, what) in BEARINGS.items())}; add "
+                       f"stiffness = {_example('stiffness')}, or one of the others.")
+    return BEARINGS[told[0]][:2]
+
+
 def _check_keys(key: str, table: Any, section: Section, also: tuple[str, ...] = ()) -> None:
     where = key or "the card"
     if not isinstance(table, Mapping):
         raise BadInput(f"{key} is {shown(table)}; it must be one table, opened by [{key}].")
     dot = f"{key}." if key else ""
-    known = [*section.plain, *section.required, *section.optional, *also]
+    known = [*section.plain, *section.required, *section.optional, *section.choices, *also]
     for unknown in (k for k in table if k not in known):
         near = get_close_matches(str(unknown), known, 1)
         raise BadInput(f"{dot}{shown(unknown).strip(chr(39))} = {shown(table[unknown])} is not a key of {where}; "
                        f"{f'the nearest is {near[0]}, ' if near else ''}allowed are {', '.join(dict.fromkeys(known))}.")
-    for k, kind in section.plain.items():
+    for k, kind in (*section.plain.items(), *section.choices.items()):
+        if k not in table and k in section.choices:
+            continue
         if k not in table:
             raise BadInput(f"{dot}{k} is missing; {where} needs {', '.join([*section.plain, *section.required])}.")
-        if not isinstance(table[k], kind) or isinstance(table[k], bool):
-            raise BadInput(f"{dot}{k} is {shown(table[k])}; it must be {'text' if kind is str else 'a whole number'}.")
+        if not isinstance(table[k], kind) or isinstance(table[k], bool) > (kind is bool):
+            raise BadInput(f"{dot}{k} is {shown(table[k])}; it must be {KINDS[kind]}.")
     for k in section.required:
         if k not in table:
             raise BadInput(f"{dot}{k} is missing; {where} needs {', '.join([*section.plain, *section.required])}, "

@@ -19,6 +19,8 @@ SI_UNITS = {
     "poisson": "1", "shear_coefficient": "1", "mass": "kg", "Id": "kg m^2", "Ip": "kg m^2", "offset": "m",
     "unbalance": "kg m", "phase": "rad", "stiffness": "N/m", "damping": "N s/m", "tilt_stiffness": "N m/rad",
     "ratio": "1", "field": "T", "mean_radius": "m", "length": "m", "gap": "m",
+    "pad_stiffness": "N/m", "clearance": "m", "angle": "rad", "rounding": "m",
+    "viscosity": "Pa s", "journal_radius": "m", "film_length": "m", "depth": "1", "rounding_angle": "rad",
 }  # every number of a part, by the name of its field
 
 
@@ -62,6 +64,13 @@ def number(key: str, value: Any, *, above: float = -math.inf, least: float = -ma
     if value >= below:
         raise BadInput(f"{key} is {value:g}{unit}; it must be smaller than {below:g}{unit}.")
     return value
+
+
+def whole(key: str, value: Any, least: int, most: int, why: str) -> int:
+    """Return value if it is a whole number from least to most, or say in a sentence, with the reason why, that not."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
+        raise BadInput(f"{key} is {shown(value)}; it must be a whole number from {least} to {most} ({why}).")
+    return int(value)
 
 
 def vector(key: str, values: ArrayLike, *, above: float = -math.inf, least: float = -math.inf,

@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 
 
 class ForceLaw(Protocol):
-    """What a solver asks of a force law."""
+    """What a solver asks of a force law.
+
+    moving: whether the force also depends on the velocity or on the phase Ωt of the rotation. Such a law has
+    `force_at(e, velocity, phase, speed)` and `linearise_at(e, velocity, phase, speed)`, which also returns ∂F_i/∂ė_j,
+    N s/m, in place of the first two; phase, rad, is broadcast against the axes of e after its first, speed is Ω, rad/s.
+    """
+
+    moving: bool
 
     def force(self, e: NDArray) -> NDArray:
         """Force on the rotor, N; shape of e."""
@@ -27,7 +34,7 @@ class ForceLaw(Protocol):
         """Force, N, and its derivative, N/m, with one more axis in front."""
 
     def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap around the circumference, m."""
+        """Smallest air gap around the circumference, m; e: all of the law's coordinates, or (x, z) alone."""
 
     def gap_angle(self, e: NDArray) -> NDArray:
         """Gap angle of the smallest gap, rad, from z towards x."""
@@ -48,6 +55,7 @@ class CircularPull:
 
     stiffness: float
     gap: float
+    moving = False
 
     def force(self, e: NDArray) -> NDArray:
         """Force on the rotor, N; shape of e. Meaningless (nan) where |e| ≥ g0."""
@@ -121,6 +129,7 @@ class ShapedPull:
     stiffness: float
     gap: float
     shape: NDArray
+    moving = False
 
     def _local_gap(self, e: NDArray) -> tuple[NDArray, NDArray]:
         """Directions (2, N) and the gap along them, m, (…, N); below zero the rotor is in the stator."""

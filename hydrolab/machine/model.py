@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
+from hydrolab.machine.attach import attach
 from hydrolab.machine.damping import rayleigh_coefficients
 from hydrolab.machine.elements import shaft_element
-from hydrolab.machine.forces import CircularPull, ForceLaw
+from hydrolab.machine.forces import ForceLaw
 from hydrolab.machine.parts import Machine, RigidBody
 
 NO_GAP_SCALE = 1e-3  # m; length that scales unknowns where a machine has no air gap
@@ -28,8 +29,9 @@ class Model:
 
     M, C, G, K: mass, damping, gyroscopic and stiffness matrices, shape (n, n), SI units.
     unbalance_sin, unbalance_cos: F₁ and F₂, kg m, shape (n,); the force is Ω² (F₁ sin Ωt + F₂ cos Ωt).
-    selection: S, shape (2, n): position (x, z) of the generator centre from the DOFs.
-    law: the pull on those coordinates. gap: nominal air gap, m (inf if there is none).
+    selection: S, shape (c, n): the nonlinear coordinates from the DOFs; the first two are the position (x, z) of the
+    generator centre. law: the forces on those coordinates, the pull and whatever else is not linear. gap: nominal air
+    gap, m (inf if there is none).
     depths: y of each node, m. shaft_map: maps q to the nodes' DOFs, shape (nodes · DOFs per node, n).
     rayleigh: the coefficients (α, β) of C = αM + βK, 0 where there is no such damping.
     supports: for each isotropic radial bearing, the rows that pick its (x, z) from q, shape (2, n);
@@ -83,6 +85,12 @@ class Model:
             return np.zeros(2)
         return static_eccentricity * self.gap * np.array([math.sin(direction), math.cos(direction)])
 
+    def relative(self, coordinates: NDArray, centre: NDArray) -> NDArray:
+        """The nonlinear coordinates, (c, …), with the generator's (x, z) counted from the stator centre, (2, …), m."""
+        out = coordinates.copy()
+        out[:2] -= centre
+        return out
+
     def with_field(self, ratio: float) -> Model:
         """The same rotor with the flux density multiplied by `ratio` (0 switches the field off)."""
         return replace(self, law=self.law.scaled(ratio**2))
@@ -107,6 +115,11 @@ def body_matrices(body: RigidBody) -> tuple[NDArray, NDArray]:
     gyroscopic = np.zeros((4, 4))
     gyroscopic[2, 3], gyroscopic[3, 2] = -body.Ip, body.Ip
     return np.diag([body.mass, body.mass, body.Id, body.Id]), gyroscopic
+
+
+def add_spring(K: NDArray, first: int, stiffness: float) -> None:
+    """Add an isotropic spring, N/m, to a stiffness matrix, on the (x, z) that begin at DOF `first`."""
+    K[[first, first + 1], [first, first + 1]] += stiffness
 
 
 def assemble(machine: Machine) -> Model:
@@ -153,11 +166,16 @@ def assemble(machine: Machine) -> Model:
     for bearing in machine.thrust_bearings:
         tilt = slice(4 * bearing.node + 2, 4 * bearing.node + 4)
         K[tilt, tilt] += bearing.tilt_stiffness * np.eye(2)
+    law, selection = attach(machine, per_node, selection)
+    # A linear bearing stands for each nonlinear one, and its law takes it back; Rayleigh damping counts pads as closed.
+    for pads in machine.pad_bearings:
+        add_spring(K, per_node * pads.node, pads.law().reference)
     rayleigh = rayleigh_coefficients(M, K, machine.damping.ratio) if machine.damping else (0.0, 0.0)
     C += rayleigh[0] * M + rayleigh[1] * K
+    for film in machine.films:
+        add_spring(K, per_node * film.node, film.law(machine.speed).reference)
 
     gap = machine.air_gap.gap if machine.air_gap else math.inf
-    law = CircularPull(machine.air_gap.pull_stiffness if machine.air_gap else 0.0, gap)
     depths = machine.shaft.nodes if machine.shaft else np.zeros(1)
     return Model(machine.name, M, C, G, K, unbalance_sin, unbalance_cos, selection, law, gap,
                  depths, np.eye(n), rayleigh, supports, support_stiffness)

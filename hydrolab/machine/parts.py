@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.checks import SI_UNITS, Entry, bearing_matrix, nickname, number, quantity, shown, vector
+from hydrolab.machine.fault_parts import Crack, JournalFilm, PadBearing
 
 ELEMENTS = ("lalanne-ferraris", "timoshenko")
 MU_0 = 4e-7 * math.pi  # permeability of vacuum as the paper's Table 1 states it, H/m
@@ -186,6 +187,7 @@ class AirGap:
 
     body: the name of the rigid body inside it. field: unperturbed flux density B0, T (rms).
     mean_radius: u0, m. length: l0, m. gap: nominal gap g0, m.
+    tilt: whether the pull also feels the rotor lean in the stator, over the height l0 (`TiltedPull`).
     """
 
     body: str
@@ -193,6 +195,7 @@ class AirGap:
     mean_radius: float
     length: float
     gap: float
+    tilt: bool = False
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -203,6 +206,8 @@ class AirGap:
         if self.gap >= self.mean_radius:
             raise BadInput(f"air_gap.gap is {self.gap:g} m; it must be smaller than "
                            f"air_gap.mean_radius, {self.mean_radius:g} m.")
+        if not isinstance(self.tilt, bool):
+            raise BadInput(f"air_gap.tilt is {shown(self.tilt)}; it must be true or false.")
 
     @property
     def pull_stiffness(self) -> float:
@@ -215,6 +220,7 @@ class Machine:
     """A machine as its card describes it; `model()` turns it into matrices and a force law.
 
     speed: rated speed, rad/s. shaft: None for a point mass on springs (one node, which translates).
+    pad_bearings, films, cracks: parts that act nonlinearly on their own coordinates.
     provenance: for each number of the card, by its dotted key ("bodies.generator.mass"), what the card says;
     print the machine to see them. about: what the card says of itself.
     """
@@ -230,13 +236,16 @@ class Machine:
     title: str = ""
     provenance: Mapping[str, Entry] = field(default_factory=dict)
     about: str = ""
+    pad_bearings: tuple[PadBearing, ...] = ()
+    films: tuple[JournalFilm, ...] = ()
+    cracks: tuple[Crack, ...] = ()
 
     def __post_init__(self) -> None:
         nickname("name", self.name)
         object.__setattr__(self, "speed", number("speed", self.speed, least=0, unit="rad/s"))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
         parts = [("bodies", b) for b in self.bodies]
-        parts += [("bearings", b) for b in (*self.bearings, *self.thrust_bearings)]
+        parts += [("bearings", b) for b in self.all_bearings]
         names = [part.name for _, part in parts]
         for kind, part in parts:
             node = part.node
@@ -247,6 +256,8 @@ class Machine:
                 raise BadInput(f"{kind}.{part.name}.node is {shown(node)}, off the shaft; {allowed}.")
             if names.count(part.name) > 1:
                 raise BadInput(f"{kind}: the name {part.name!r} is used twice; names must differ.")
+        for crack in self.cracks:
+            self._check_crack(crack)
         if not self.bodies and self.shaft is None:
             raise BadInput("bodies is empty; a machine without a shaft needs a body.")
         if self.shaft is None:
@@ -265,6 +276,25 @@ class Machine:
         if self.damping:
             raise BadInput("damping.ratio needs two distinct modes; without a shaft there is one, "
                            "so give the bearing a damping instead.")
+        if self.air_gap and self.air_gap.tilt:
+            raise BadInput("air_gap.tilt is true, but without a shaft nothing tilts; leave it out.")
+
+    def _check_crack(self, crack: Crack) -> None:
+        key = f"cracks.{crack.name}"
+        if self.shaft is None:
+            raise BadInput(f"{key} has no shaft to be in; a machine without a shaft has no cracks.")
+        if crack.element >= self.nodes - 1:
+            raise BadInput(f"{key}.element is {crack.element}; the shaft's elements are 0 to {self.nodes - 2}.")
+        if self.shaft.inner_diameter[crack.element]:
+            raise BadInput(f"{key}.element is {crack.element}, which is hollow; the crack's flexibility is that of a solid "
+                           "shaft.")
+        if [c.name for c in self.cracks].count(crack.name) > 1:
+            raise BadInput(f"cracks: the name {crack.name!r} is used twice; names must differ.")
+
+    @property
+    def all_bearings(self) -> tuple[RadialBearing | ThrustBearing | PadBearing | JournalFilm, ...]:
+        """Every bearing: radial, thrust, of pads, with a film."""
+        return (*self.bearings, *self.thrust_bearings, *self.pad_bearings, *self.films)
 
     @property
     def nodes(self) -> int:
@@ -289,7 +319,8 @@ class Machine:
     def numbers(self) -> dict[str, Any]:
         """Every number of the machine by its dotted key, in SI units, as the parts hold it."""
         groups = {"": self, "shaft.": self.shaft, **{f"bodies.{b.name}.": b for b in self.bodies},
-                  **{f"bearings.{b.name}.": b for b in (*self.bearings, *self.thrust_bearings)},
+                  **{f"bearings.{b.name}.": b for b in self.all_bearings},
+                  **{f"cracks.{c.name}.": c for c in self.cracks},
                   "damping.": self.damping, "air_gap.": self.air_gap}
         return {f"{prefix}{name}": getattr(part, name) for prefix, part in groups.items() if part is not None
                 for name in part.__dataclass_fields__ if name in SI_UNITS and (prefix or name == "speed")}

@@ -11,6 +11,9 @@ import numpy as np
 from hydrolab.errors import BadInput
 from hydrolab.machine.parts import Machine
 
+GROUPS = {"bodies": ("bodies",), "bearings": ("bearings", "thrust_bearings", "pad_bearings", "films"),
+          "cracks": ("cracks",)}  # fields of a machine that hold the parts of a card's section
+
 
 def vary(machine: Machine, changes: Mapping[str, Any]) -> Machine:
     """Return the machine with these numbers in place of its own, SI units.
@@ -35,7 +38,7 @@ def _vary_part(machine: Machine, key: str, value: Any) -> Machine:
     name, _, attribute = rest.rpartition(".")
     if section in ("shaft", "air_gap") and not name and getattr(machine, section) is not None:
         return replace(machine, **{section: _replaced(key, getattr(machine, section), attribute, value)})
-    for group in {"bodies": ("bodies",), "bearings": ("bearings", "thrust_bearings")}.get(section, ()):
+    for group in GROUPS.get(section, ()):
         parts = getattr(machine, group)
         for i, part in enumerate(parts):
             if part.name == name:
@@ -52,8 +55,9 @@ def _replaced(key: str, part: Any, attribute: str, value: Any) -> Any:
 
 def _numbers(part: Any) -> list[str]:
     """Names of the fields of a part that hold numbers."""
-    return [f.name for f in fields(part) if f.name != "node"
-            and isinstance(getattr(part, f.name), (int, float, np.ndarray, np.number))]
+    return [f.name for f in fields(part) if f.name not in ("node", "element", "pads")
+            and isinstance(value := getattr(part, f.name), (int, float, np.ndarray, np.number))
+            and not isinstance(value, bool)]
 
 
 def parameter_keys(machine: Machine) -> list[str]:
@@ -62,6 +66,6 @@ def parameter_keys(machine: Machine) -> list[str]:
     for section in ("shaft", "air_gap"):
         if getattr(machine, section) is not None:
             keys += [f"{section}.{n}" for n in _numbers(getattr(machine, section))]
-    for section, parts in (("bodies", machine.bodies), ("bearings", (*machine.bearings, *machine.thrust_bearings))):
+    for section, parts in (("bodies", machine.bodies), ("bearings", machine.all_bearings), ("cracks", machine.cracks)):
         keys += [f"{section}.{part.name}.{n}" for part in parts for n in _numbers(part)]
     return keys

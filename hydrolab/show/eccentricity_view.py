@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,6 +23,7 @@ COARSE = REVOLUTION[::4]  # phases at which a moving orbit is drawn
 PARTS = ("mean", "1X", "2X", "3X", "4X")
 LEAST, MOST = 0.1, 2e4  # µm, the scale of the harmonics
 FADED = "#BBBBBB"
+STEP = 0.05  # % of eccentricity, between two stops of the slider
 INSET = 0.66  # of the gap: side of the square inside the circle that shows the orbit enlarged
 
 
@@ -61,7 +63,7 @@ class EccentricityView:
         self.kept = KeptFigure(figure, moving)
 
     def _draw_plane(self, axes: Axes) -> list:
-        plane(axes, "Rotor centre in the gap, with the smallest gap")
+        plane(axes, "Rotor centre in its gap")
         draw_axis(axes)
         reach = MM * self.gap * 1.12
         axes.set(adjustable="box", xlim=(-reach, reach), ylim=(-reach, reach))
@@ -84,20 +86,7 @@ class EccentricityView:
         return [self.circle, self.stator, self.path, self.measure, self.large, self.now, self.scale, self.left, self.none]
 
     def _draw_branch(self, axes: Axes) -> list:
-        direction = self.legs.branch.direction
-
-        def first(_: NDArray, coefficients: NDArray) -> NDArray:
-            return UM * np.hypot(*np.einsum("i,pik->pk", direction, coefficients)[:, 1:3].T)
-
-        for word, (eccentricity, values) in self.legs.lines(first).items():
-            axes.plot(eccentricity, values, LINES[word], color=COLOURS[word], label=word)
-        for fold in self.legs.branch.folds[:len(self.legs.all)]:
-            unknowns = self.legs.branch.equations.length * fold.unknowns.reshape(1, 2, -1)
-            axes.plot(100 * fold.value, first(np.empty(0), unknowns), "D", color=COLOURS["fold"], markersize=6)
-        shown = [v for leg in self.legs.all for v in first(np.empty(0), self.legs.branch.coefficients[leg.rows])]
-        axes.set(xlabel="static eccentricity, %", title="Steady states", ylabel="1X in x, µm (0-to-peak)",
-                 xlim=(0, 104 * max(leg.high for leg in self.legs.all)), ylim=(0, 1.25 * max(shown)))
-        axes.legend(loc="upper right", ncols=2, fontsize=11)
+        self.diagram, self.dense = axes, self.legs.dense(draw_legs(axes, self.legs))
         self.here, = axes.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white", markersize=11)
         self.cursor = axes.axvline(0.0, color=COLOURS["axis"], linewidth=1)
         return [self.here, self.cursor]
@@ -147,6 +136,22 @@ class EccentricityView:
         self._show(orbit, verdict)
         return f"Leg {leg}, {verdict}. {orbit_reading(orbit)}"
 
+    def pick(self, x: float, y: float) -> dict[str, float] | None:
+        """Eccentricity (%) and leg of the branch's point nearest to a place in the figure, or None off the diagram.
+
+        x, y: shares of the figure's width and height from its lower left corner.
+        """
+        box = self.diagram.get_position()
+        place = np.array([(x - box.x0) / box.width, (y - box.y0) / box.height])
+        if not ((place > -0.03) & (place < 1.03)).all():
+            return None
+        eccentricity, values, legs = self.dense
+        points = self.diagram.transLimits.transform(np.column_stack([eccentricity, values]))
+        nearest = int(np.argmin(np.hypot(*(points - place).T)))
+        leg = self.legs.all[legs[nearest] - 1]
+        shown = min(max(round(eccentricity[nearest] / STEP) * STEP, 100 * leg.low), 100 * leg.high)  # a stop of the slider
+        return {"eccentricity": shown, "leg": int(legs[nearest])}
+
     def _fade(self, words: str) -> None:
         for artist in (self.path, self.large, self.now, self.here, self.measure, *self.shape):
             artist.set_color(FADED)
@@ -165,7 +170,7 @@ class EccentricityView:
         at = int(np.argmax(np.hypot(*away)))
         touch = orbit.centre + self.gap * away[:, at] / (math.hypot(*away[:, at]) or 1.0)
         self.measure.set_data(*(MM * np.column_stack([path[:, at], touch])))
-        self.left.set_text(f"{MM * orbit.smallest_gap:.2f} mm")
+        self.left.set_text(f"smallest gap {MM * orbit.smallest_gap:.2f} mm")
         self.none.set_text("")
         around = path - orbit.mean[:, None]
         size = round_up(1.02 * float(np.abs(around).max()))
@@ -195,6 +200,25 @@ class EccentricityView:
         for artist in self.shape:
             artist.set_color(COLOURS["mean" if artist is self.mean else "rotor"])
         self.bodies.set_data(MM * coefficients[nodes:, 0, 0], depths[nodes:])
+
+
+def draw_legs(axes: Axes, legs: Legs) -> Callable[[NDArray, NDArray], NDArray]:
+    """Draw 1X along the eccentricity over all legs; return it as a function of eccentricity and coefficients, µm."""
+    direction = legs.branch.direction
+
+    def first(_: NDArray, coefficients: NDArray) -> NDArray:
+        return UM * np.hypot(*np.einsum("i,pik->pk", direction, coefficients)[:, 1:3].T)
+
+    for word, (eccentricity, values) in legs.lines(first).items():
+        axes.plot(eccentricity, values, LINES[word], color=COLOURS[word], label=word)
+    for fold in legs.branch.folds[:len(legs.all)]:
+        unknowns = legs.branch.equations.length * fold.unknowns.reshape(1, 2, -1)
+        axes.plot(100 * fold.value, first(np.empty(0), unknowns), "D", color=COLOURS["fold"], markersize=6)
+    shown = [v for leg in legs.all for v in first(np.empty(0), legs.branch.coefficients[leg.rows])]
+    axes.set(xlabel="static eccentricity, %", title="Steady states", ylabel="1X in x, µm (0-to-peak)",
+             xlim=(0, 104 * max(leg.high for leg in legs.all)), ylim=(0, 1.25 * max(shown)))
+    axes.legend(loc="upper right", ncols=2, fontsize=11)
+    return first
 
 
 def _extent(coefficients: NDArray) -> NDArray:

@@ -43,17 +43,20 @@ class FigureExplorer(widgets.VBox):
 
     view: from the controls' values, by name, to the reading. kept: the figure that it changes. pick: from a point of
     the figure, as shares of its width and height from the lower left, to new values of controls, or None; with it a
-    click on the picture sets them. Where there is no kernel, as in a stored notebook, the first picture and its
-    reading stand in its place, and in the static book a flip-book along the first slider.
+    click on the picture sets them. start: called before the reset, for a view that remembers. Where there is no kernel,
+    as in a stored notebook, the first picture and its reading stand in its place, and in the static book a flip-book
+    along the first slider.
     """
 
-    def __init__(self, view: View, kept: KeptFigure, controls: Mapping[str, Any], pick: Pick | None = None) -> None:
-        self.view, self.kept, self.controls, self.pick = view, kept, dict(controls), pick
+    def __init__(self, view: View, kept: KeptFigure, controls: Mapping[str, Any], pick: Pick | None = None,
+                 start: Callable[[], None] | None = None) -> None:
+        self.view, self.kept, self.controls = view, kept, dict(controls)
+        self.pick, self.start = pick, start
         self.initial = {name: control.value for name, control in controls.items()}
         self.image = PictureWidget(clickable=pick is not None)
         self.image.on_msg(self._clicked)
         self.reset = widgets.Button(description="Reset", tooltip="Back to the first values", layout={"width": "7em"})
-        self.reset.on_click(lambda button: self.set(**self.initial))
+        self.reset.on_click(self._back)
         for control in self.controls.values():
             control.style.description_width = "13em"
             control.observe(self._show, "value")
@@ -103,6 +106,12 @@ class FigureExplorer(widgets.VBox):
         self._show()
         start = [frame.value for frame in frames].index(shown(main, self.initial[name]))
         return {MIME: flipbook(main.description, frames, start)}
+
+    def _back(self, button: widgets.Button) -> None:
+        """Begin again, with the first values."""
+        if self.start:
+            self.start()
+        self.set(**self.initial)
 
     def _clicked(self, widget: Any, content: Any, buffers: Any) -> None:
         """Set what `pick` finds at a place in the figure; what does not look like one is passed over."""

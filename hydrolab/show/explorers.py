@@ -5,15 +5,19 @@ from __future__ import annotations
 import ipywidgets as widgets
 import numpy as np
 
-from hydrolab.machine.parts import Machine, RadialBearing
+from hydrolab.machine.cards import load_machine
+from hydrolab.machine.parts import Machine
 from hydrolab.show.branch_view import BranchView
-from hydrolab.show.eccentricity_view import EccentricityView
+from hydrolab.show.eccentricity_view import STEP, EccentricityView
 from hydrolab.show.explorer import FigureExplorer, slider
+from hydrolab.show.machine_views import guide_bearing
+from hydrolab.show.past_fold_view import PastFoldView
 
 
 def eccentricity_explorer(machine: Machine, eccentricity: float | None = None) -> FigureExplorer:
     """The steady state of a machine at any static eccentricity and on any leg of its branch.
 
+    A click on the branch shows the orbit there; slider and buttons reach the same points from the keyboard.
     eccentricity: in per cent, to begin with; by default most of the way to the first fold.
     Raises BadInput for a machine without an air gap, NoConvergence where there is no first steady state.
     """
@@ -21,17 +25,11 @@ def eccentricity_explorer(machine: Machine, eccentricity: float | None = None) -
     legs = view.legs.all
     start = round(0.9 * 100 * legs[0].high, 1) if eccentricity is None else eccentricity
     controls = {
-        "eccentricity": slider("static eccentricity, %", start, 0.0, round(104 * max(leg.high for leg in legs), 1), 0.05, 2),
+        "eccentricity": slider("static eccentricity, %", start, 0.0, round(104 * max(leg.high for leg in legs), 1), STEP, 2),
         "leg": widgets.ToggleButtons(options=view.names, value=1, description="leg of the branch",
                                      style={"button_width": "11em"}),
     }
-    return FigureExplorer(view, view.kept, controls)
-
-
-def guide_bearing(machine: Machine) -> RadialBearing:
-    """The radial bearing nearest to the body in the air gap."""
-    home = machine.body(machine.air_gap.body).node
-    return min(machine.bearings, key=lambda bearing: abs(bearing.node - home))
+    return FigureExplorer(view, view.kept, controls, view.pick)
 
 
 def branch_explorer(machine: Machine, eccentricity: float | None = None) -> FigureExplorer:
@@ -64,3 +62,15 @@ def branch_explorer(machine: Machine, eccentricity: float | None = None) -> Figu
         return view(eccentricity, changes)
 
     return FigureExplorer(show, view.kept, controls)
+
+
+def past_fold_explorer(machine: Machine | None = None, eccentricity: float = 8.5) -> FigureExplorer:
+    """Every orbit there is at an eccentricity, stable or not, and the jumps of a machine that is brought there slowly.
+
+    machine: by default the card "kaplan-150rpm". eccentricity: in per cent, to begin with.
+    Raises BadInput for a machine without an air gap, NoConvergence where there is no first steady state.
+    """
+    view = PastFoldView(machine or load_machine("kaplan-150rpm"))
+    top = round(104 * max(leg.high for leg in view.legs.all), 1)
+    where = slider("static eccentricity, %", eccentricity, 0.0, top, STEP, 2)
+    return FigureExplorer(view, view.kept, {"eccentricity": where}, start=view.begin)

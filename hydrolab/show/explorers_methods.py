@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
-from hydrolab.show.explorer import FigureExplorer, choice, steps, whole
+from hydrolab.show.arclength_view import CURVES, WAYS, ArclengthView
+from hydrolab.show.explorer import FigureExplorer, choice, slider, steps, whole
 from hydrolab.show.method_views import METHODS, SAMPLES, STEPS, HarmonicsView, IntegratorView
 
 
@@ -28,3 +29,12 @@ def harmonics_explorer(machine: Machine | None = None, eccentricity: float = 5.0
     view = HarmonicsView(machine or load_machine("jeffcott"), eccentricity / 100, leg)
     return FigureExplorer(view, view.kept, {"harmonics": whole("harmonics", 2, 1, view.most),
                                             "samples": steps("samples in a revolution", 8, SAMPLES)})
+
+
+def arclength_explorer() -> FigureExplorer:
+    """Natural and arclength continuation on a circle, an S and the static pull-in curve, with steps of one length."""
+    view = ArclengthView()
+    return FigureExplorer(view, view.kept, {"curve": choice("curve", "circle", list(CURVES)),
+                                            "way": choice("continuation", WAYS[0], list(WAYS)),
+                                            "step": slider("length of a step", 0.2, 0.02, 0.6, 0.02, 2),
+                                            "count": whole("steps", 12, 1, 60)})

@@ -155,4 +155,4 @@ class HarmonicsView:
 
 def _said(size: float) -> str:
     """A size in µm with two digits, and a bound where it is near rounding."""
-    return f"{size:.2g} µm" if size >= 1e-4 else "less than 0.0001 µm"
+    return f"{float(format(size, '.2g')):g} µm" if size >= 1e-4 else "less than 0.0001 µm"

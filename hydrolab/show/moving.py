@@ -81,6 +81,14 @@ class Legs:
                                                 np.append(number(eccentricity, coefficients), np.nan)))
         return {word: tuple(np.concatenate(column) for column in zip(*found, strict=True)) for word, found in pieces.items()}
 
+    def dense(self, number, per_leg: int = 300) -> tuple[NDArray, NDArray, NDArray]:
+        """Eccentricity (%), `number` of the coefficients and the leg (1 is the first), at many points of all legs."""
+        smooth = curve(self.branch)
+        ends = np.concatenate([[0.0], smooth.at_folds, smooth.at_points[-1:]])
+        place = np.concatenate([np.linspace(*ends[i:i + 2], per_leg) for i in range(len(self.all))])
+        eccentricity, coefficients = smooth(place)
+        return 100 * eccentricity, number(eccentricity, coefficients), np.repeat(np.arange(len(self.all)) + 1, per_leg)
+
 
 def legs_of(machine: Machine) -> Legs:
     """The branch of a machine at its rated speed, guarded stability and all.

@@ -332,6 +332,7 @@ def test_basins(run, shipped, whole):
 
 MEMORY = """
 import resource, sys
+from pathlib import Path
 import numpy as np
 from hydrolab import *
 unit, n = load_machine("kaplan-150rpm"), {n}
@@ -339,7 +340,9 @@ branch = follow(unit.model(), speed=unit.speed)
 branch_stability(branch)
 basins(stable_orbits_at(branch, 0.088), np.linspace(-3e-3, 2e-3, n), np.linspace(-0.05, 0.05, n), revolutions={revolutions})
 steady_map(unit, "static_eccentricity", np.linspace(0, 0.12, n), "field", np.linspace(0.3, 0.6, n))
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
+status = Path("/proc/self/status")  # of this process alone; where it is missing the other may hold the parent's too
+print(1024 * (int(status.read_text().split("VmHWM:")[1].split()[0]) if status.exists()
+              else resource.getrusage(resource.RUSAGE_SELF).ru_maxrss))
 """
 
 

@@ -332,15 +332,15 @@ def test_an_orbit_that_is_lost_with_more_harmonics_is_unknown(shipped, speed, mo
 def test_an_orbit_that_is_no_solution_is_not_judged_by_itself(shipped, speed):
     """A shifted copy is solved again first: the verdict is that of the steady state nearby, or unknown."""
     orbit = HarmonicBalance().solve(shipped, speed, 0.08)
-    wrong = replace(orbit, coefficients=1.02 * orbit.coefficients)
+    wrong = replace(orbit, local=1.02 * orbit.local)
     assert abs(floquet(wrong).largest - floquet(orbit).largest) < 1e-3
-    far = replace(orbit, coefficients=orbit.coefficients + 3e-3)
+    far = replace(orbit, local=orbit.local + 3e-3)
     assert floquet(far).verdict in ("unknown", floquet(orbit).verdict)
 
 
 def test_outside_the_gap_is_unknown(shipped, speed):
     orbit = HarmonicBalance().solve(shipped, speed, 0.08)
-    outside_it = replace(orbit, coefficients=orbit.coefficients + 0.02)
+    outside_it = replace(orbit, local=orbit.local + 0.02)
     (found,) = floquet_all([outside_it], guard=False)
     assert found.verdict == "unknown"
     good, bad = floquet_all([orbit, outside_it])

@@ -257,7 +257,7 @@ def test_arguments_are_checked(peer, unit, speed):
 
 def test_a_start_that_is_no_steady_state(unit, peer, speed):
     foreign = HarmonicBalance().solve(peer, speed, 0.07)
-    huge = replace(foreign, coefficients=50 * foreign.coefficients)
+    huge = replace(foreign, local=50 * foreign.local)
     with pytest.raises(NoConvergence, match="No branch begins"):
         follow(unit, speed=speed, start=huge)
 

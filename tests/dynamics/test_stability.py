@@ -67,7 +67,7 @@ def test_centred_whirl(make_jeffcott, speed, radius):
     w = model.unbalance_cos[1] * speed**2 / (model.K[0, 0] - tangential - model.M[0, 0] * speed**2
                                              + 1j * speed * model.C[0, 0])
     small = HarmonicBalance(1).solve(model, speed)
-    start = replace(small, coefficients=np.array([[0, w.real, w.imag], [0, -w.imag, w.real]]))
+    start = replace(small, local=np.array([[0, w.real, w.imag], [0, -w.imag, w.real]]))
     orbit = HarmonicBalance(1).solve(model, speed, start=start)
     assert orbit.amplitudes[:, 0] == pytest.approx([radius, radius])
     radial = tangential * (1 + 3 * (radius / model.gap) ** 2 / room)
@@ -111,7 +111,7 @@ def test_parametric_band_of_a_two_pole_field(make_jeffcott, damping, place):
                     unbalance_sin=np.array([force.real, -force.imag]))
     circle = np.array([[0.0, radius, 0.0], [0.0, 0.0, radius]])
     orbit = replace(HarmonicBalance(1).solve(base, omega), equations=HarmonicBalance(1).equations(model, omega),
-                    coefficients=circle)
+                    local=circle)
     assert np.abs(orbit.equations.residual(circle.ravel() / model.gap, np.zeros(2))).max() < 1e-13
     exact = corotating(model, orbit, 1.5 * km, 0.5 * km)
     (found,) = floquet_all([orbit], steps=64, guard=False)  # the guard's batch takes circular gaps only
