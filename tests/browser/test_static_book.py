@@ -116,6 +116,18 @@ def test_a_page_opens_from_disk(site, reader, name):
     assert not reader.strangers and not reader.mistakes
 
 
+@pytest.mark.parametrize("chapter", [10])  # one: a 3D scene without a graphics card is slow
+def test_a_recorded_scene_plays(site, reader, chapter):
+    name = next(name for name in CHAPTERS if int(name[:2]) == chapter)
+    reader.goto((site / f"{name}.html").as_uri())
+    frame = reader.locator("iframe.scene")
+    assert frame.get_attribute("loading") == "lazy"
+    assert "smallest gap" in frame.get_attribute("title")
+    frame.scroll_into_view_if_needed()
+    frame.content_frame.locator("canvas").first.wait_for(timeout=30_000)
+    assert not reader.strangers
+
+
 @pytest.mark.parametrize("name", CHAPTERS)
 def test_flipbooks_move(site, reader, name):
     reader.goto((site / f"{name}.html").as_uri())
