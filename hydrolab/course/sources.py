@@ -15,8 +15,8 @@ from hydrolab.show.readings import listed
 from hydrolab.show.style import COLOURS, house_style, new_figure
 
 STATED = ("paper", "Table 1")
-WHENCE = {"paper": "the paper's text", "Table 1": "its Table 1", "calibrated": "our calibration",
-          "assumed": "an assumption of ours", "derived": "others of these"}
+WHENCE = {"paper": "stand in the paper's text", "Table 1": "in its Table 1", "calibrated": "are calibrated",
+          "assumed": "assumed", "derived": "derived"}
 LETTERS = {"young": "E", "density": "ρ", "poisson": "ν", "shear_coefficient": "shear coefficient κ"}
 SIDE = 4.6  # m, from the axis to the columns of words
 RUNNER = (1.3, 0.8)  # half width and height of the box drawn for a body whose size nobody states, m
@@ -82,6 +82,6 @@ def sources_picture(machine: Machine) -> Picture:
                   color=LEFT if side < 0 else RIGHT)
     number = counts(machine)
     words = (f"Of the {number.total()} numbers on the card of {machine.name}, "
-             f"{listed(f'{n} come from {WHENCE.get(source, source)}' for source, n in sorted(number.items()))}. "
+             f"{listed(f'{number[source]} {words}' for source, words in WHENCE.items() if source in number)}. "
              "No depth of a bearing is stated.")
     return Picture(figure, words)

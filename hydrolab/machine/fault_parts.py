@@ -16,6 +16,7 @@ from hydrolab.machine.pads import Pads
 
 DEEPEST = 0.45  # of the diameter; the strips of the flexibility's integral end in the middle of the section
 BREATHING = ("hinge", "open")
+STIFF = 5  # so that the linear answer, from which a solver starts, lies within the clearance
 
 
 @dataclass(frozen=True)
@@ -79,9 +80,9 @@ class JournalFilm:
                            f"than their diameter, {2 * self.journal_radius:g} m.")
 
     def law(self, speed: float) -> ShortFilm:
-        """The film's law; the reference it takes back is its cross stiffness in the middle at this speed (rad/s)."""
+        """The film's law; the reference it takes back is STIFF times its cross stiffness in the middle at this speed."""
         damping = self.viscosity * self.journal_radius * (self.film_length / self.clearance) ** 3
-        return ShortFilm(damping, self.clearance, math.pi / 4 * damping * speed)
+        return ShortFilm(damping, self.clearance, STIFF * math.pi / 4 * damping * speed)
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,8 @@ def own_machine(said: dict[str, Any]) -> str:
     if fault not in FAULTS:
         return f"noted, but the faults are {', '.join(FAULTS)}."
     few = "" if len(said["evidence"].split()) >= 5 else " Evidence needs numbers: write them down as well."
-    return f"{grade(int(number), fault)}{few}"
+    verdict = grade(int(number), fault)
+    return f"noted. {verdict[0].upper()}{verdict[1:]}{few}"
 
 
 def other(fault: str) -> Mistake:
