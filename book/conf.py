@@ -4,7 +4,7 @@ from pathlib import Path
 
 from hydrolab import __version__
 from hydrolab.course.api_page import api_page
-from hydrolab.course.pages import bibliography_page, chapter_page, contents, equations
+from hydrolab.course.pages import bibliography_page, chapter_page, contents, equations, linked, with_scene
 
 BOOK = Path(__file__).parent
 
@@ -48,11 +48,17 @@ def read(app, docname, source):
         source[0] = api_page()
     elif docname == "bibliography":
         source[0] = bibliography_page(BOOK)
+    elif docname.startswith("instructor/"):
+        source[0] = linked(source[0], {number: f"../{name}" for number, name in equations(BOOK).items()})
     elif docname[:1].isdigit():
         source[0] = chapter_page(source[0], equations(BOOK))
+        reading = Path(app.config.scenes or "none", f"{docname[:2]}.txt")
+        if reading.is_file():
+            source[0] = with_scene(source[0], f"_static/scenes/{docname[:2]}.html", reading.read_text(encoding="utf-8"))
 
 
 def setup(app):
     """Ask Sphinx to let `read` see each source first."""
+    app.add_config_value("scenes", "", "env")  # folder of the recorded 3D scenes; `hydrolab book` makes them
     app.connect("source-read", read)
     return {"parallel_read_safe": True}

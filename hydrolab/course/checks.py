@@ -146,9 +146,10 @@ def _values(asked: Exercise, answer: Any, keys: Mapping[Any, Any] | None) -> lis
 def _same(asked: Exercise, answer: Any, other: Any, factor: float = 1.0) -> bool:
     """Tell whether an answer is another one, numbers within the tolerance and times a factor."""
     keys = other if isinstance(other, Mapping) else None
-    pairs = list(zip(_values(asked, answer, keys), _values(asked, other, keys), strict=True))
-    return all(a == b if isinstance(b, str) else abs(a - factor * b) <= abs(factor) * (asked.atol + asked.rtol * abs(b))
-               for a, b in pairs)
+    mine, theirs = _values(asked, answer, keys), _values(asked, other, keys)
+    return len(mine) == len(theirs) and all(
+        a == b if isinstance(b, str) else abs(a - factor * b) <= abs(factor) * (asked.atol + asked.rtol * abs(b))
+        for a, b in zip(mine, theirs, strict=True))
 
 
 def _mistaken_unit(asked: Exercise, right: Any, answer: Any) -> str | None:

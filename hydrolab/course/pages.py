@@ -22,8 +22,9 @@ NAMED = re.compile(r"\((\d+\.\d+)\)")
 DOI = re.compile(r"\bdoi:(10\.\d{4,}/[^\s,;]*[^\s,;.])")
 PARTS = {"A rotor in a field": range(0, 4), "Steady states": range(4, 6), "The machine": range(6, 9),
          "The study": range(9, 13)}
+SCENES = {0: (0.088, 0), 10: (0.088, 2)}  # chapter → static eccentricity and leg of its recorded 3D scene
 PAGES = ("notation", "glossary", "errata", "bibliography", "api")  # for reference
-REFERENCE = re.compile(r"^- (.*\*(?P<title>[^*]+)\*.*)$", re.MULTILINE)
+REFERENCE = re.compile(r"^- (.*?\*(?P<title>[^*\n]+)\*.*)$", re.MULTILINE)
 
 
 def sources(notebook: Notebook) -> Iterator[str]:
@@ -70,6 +71,17 @@ def chapter_page(text: str, places: Mapping[str, str]) -> str:
             cell["source"] = linked(_joined(cell["source"]), places)
         else:
             _open_flipbooks(cell)
+    return json.dumps(notebook)
+
+
+def with_scene(text: str, place: str, reading: str) -> str:
+    """A chapter's file with a recorded 3D scene before its exercises; it loads when a reader comes near."""
+    notebook = json.loads(text)
+    words = html.escape(reading, quote=True)
+    scene = (f"## The machine in 3D\n\nDrag to look around. The recording turns in a loop; `hydrolab show` opens the live "
+             f'machine.\n\n<iframe class="scene" loading="lazy" title="{words}" src="{place}"></iframe>\n\n{words}')
+    at = next(i for i, cell in enumerate(notebook["cells"]) if "## Exercises" in _joined(cell["source"]).split("\n"))
+    notebook["cells"].insert(at, {"cell_type": "markdown", "id": "scene", "metadata": {}, "source": scene})
     return json.dumps(notebook)
 
 

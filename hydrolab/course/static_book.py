@@ -11,7 +11,10 @@ import tarfile
 import tempfile
 from pathlib import Path
 
+from hydrolab.course.pages import SCENES
 from hydrolab.errors import BadInput
+from hydrolab.machine.cards import load_machine
+from hydrolab.show.recording import record_machine
 
 MATHJAX = ("mathjax@3.2.2", "package/es5/tex-svg.js")  # one file of 2 MB that needs no other
 NEEDED = ("sphinx", "myst_nb", "sphinx_book_theme")
@@ -28,13 +31,16 @@ def build(book: Path, out: Path, *, instructor: bool = False) -> str:
         raise BadInput(f"The static book needs {', '.join(missing)}; install hydrolab with its extra: "
                        'pip install -e ".[book]"')
     with tempfile.TemporaryDirectory(prefix="hydrolab-book-") as work:
-        mathjax = fetch_mathjax(Path(work))
+        mathjax, scenes = fetch_mathjax(Path(work)), Path(work, "scenes")
+        record_scenes(scenes)
         command = [sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q", "-E",
-                   "-d", str(Path(work, "doctrees")), *(["-t", "instructor"] if instructor else []), str(book), str(out)]
+                   "-d", str(Path(work, "doctrees")), "-D", f"scenes={scenes}",
+                   *(["-t", "instructor"] if instructor else []), str(book), str(out)]
         done = subprocess.run(command, capture_output=True, text=True, check=False,
                               env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
         if done.returncode:
             raise BadInput(f"The static book was not built:\n{done.stderr.strip()[-4000:] or done.stdout[-2000:]}")
+        shutil.copytree(scenes, out / "_static" / "scenes", dirs_exist_ok=True)
         if mathjax is not None:
             shutil.copyfile(mathjax, out / "_static" / "tex-svg.js")
     pages = len(list(out.glob("*.html")))
@@ -42,6 +48,15 @@ def build(book: Path, out: Path, *, instructor: bool = False) -> str:
     return said if mathjax is not None else (
         f"{said}. Formulas stand there as TeX: MathJax was not fetched, because npm is missing or reaches no registry. "
         "Install npm and build again.")
+
+
+def record_scenes(folder: Path) -> None:
+    """Record the 3D scenes of the chapters as one HTML file each, with its reading as text beside it."""
+    machine = load_machine("kaplan-150rpm")
+    folder.mkdir()
+    for chapter, (eccentricity, leg) in SCENES.items():
+        name = folder / f"{chapter:02d}.html"
+        name.with_suffix(".txt").write_text(record_machine(machine, name, eccentricity, leg, turns=1), encoding="utf-8")
 
 
 def fetch_mathjax(folder: Path) -> Path | None:

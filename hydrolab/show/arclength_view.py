@@ -120,7 +120,8 @@ class ArclengthView:
         turns = int((np.diff(np.sign(np.diff(at[:, 0]))) != 0).sum())
         work = sum(p.iterations for p in found)
         far = np.abs(np.diff(at[:, 1])).max() if len(found) else 0.0
-        leap = " One step leapt to another part of the curve." if way == WAYS[0] and far > 0.9 and curve == "S" else ""
+        leapt = way == WAYS[0] and far > 0.35 * (ylim[1] - ylim[0])
+        leap = " One step leapt to another part of the curve." if leapt else ""
         ended = (f"after {len(found)} of {count} steps {stopped}; the last point is" if stopped else
                  f"after all {count} steps it is")
         return (f"{way.capitalize()} continuation on the curve “{curve}” with steps of {step:.2f}: {ended} at λ = "

@@ -133,7 +133,7 @@ class BranchView:
 
     def _solve(self, eccentricity: float, changes: dict[str, float]) -> tuple[list[PeriodicOrbit], list[str]]:
         """The orbits at one eccentricity and their verdicts; the branch is moved if the machine has changed."""
-        if changes == self._changes:
+        if changes.keys() == self._changes.keys() and all(np.array_equal(changes[k], self._changes[k]) for k in changes):
             orbits = orbits_at(self.legs.branch, eccentricity)[:SEVERAL]
             return orbits, [f.verdict for f in floquet_all(orbits, guard=False)]
         branch = update_branch(self.legs.branch, vary(self.machine, changes).model(), self.machine.speed)

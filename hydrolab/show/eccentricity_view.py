@@ -68,7 +68,7 @@ class EccentricityView:
         reach = MM * self.gap * 1.12
         axes.set(adjustable="box", xlim=(-reach, reach), ylim=(-reach, reach))
         side = MM * self.gap * INSET
-        box = axes.inset_axes([0.06 * MM * self.gap, -side / 2, side, side], transform=axes.transData)
+        box = axes.inset_axes([0.17 * MM * self.gap, -side / 2, side, side], transform=axes.transData)
         box.set(xticks=[], yticks=[], xlim=(-1.08, 1.08), ylim=(-1.08, 1.08))
         box.grid(False)
         box.spines[["top", "right"]].set_visible(True)
@@ -80,7 +80,7 @@ class EccentricityView:
         self.now, = box.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white", markersize=9)
         box.set_title("about its mean", fontsize=11, pad=3)
         self.scale = box.text(0.5, -0.03, "", transform=box.transAxes, ha="center", va="top", fontsize=11)
-        self.left = axes.annotate("", (0.0, 0.72 * MM * self.gap), ha="center", va="center", fontsize=16)
+        self.left = axes.annotate("", (0.08 * MM * self.gap, 0.66 * MM * self.gap), ha="center", va="center", fontsize=15)
         self.none = axes.annotate("", (0.0, -0.72 * MM * self.gap), ha="center", va="center", fontsize=14,
                                   color=COLOURS["unstable"])
         return [self.circle, self.stator, self.path, self.measure, self.large, self.now, self.scale, self.left, self.none]

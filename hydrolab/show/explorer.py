@@ -101,8 +101,12 @@ class FigureExplorer(widgets.VBox):
         if name is None:
             return {}
         main, frames = self.controls[name], []
+        if self.start:
+            self.start()  # a view that remembers begins the book anew
         for value in slider_values(main):
             frames.append(Frame(shown(main, value), *self._seen(self.initial | {name: value})))
+        if self.start:
+            self.start()
         self._show()
         start = [frame.value for frame in frames].index(shown(main, self.initial[name]))
         return {MIME: flipbook(main.description, frames, start)}

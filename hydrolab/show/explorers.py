@@ -14,14 +14,15 @@ from hydrolab.show.machine_views import guide_bearing
 from hydrolab.show.past_fold_view import PastFoldView
 
 
-def eccentricity_explorer(machine: Machine, eccentricity: float | None = None) -> FigureExplorer:
+def eccentricity_explorer(machine: Machine | None = None, eccentricity: float | None = None) -> FigureExplorer:
     """The steady state of a machine at any static eccentricity and on any leg of its branch.
 
     A click on the branch shows the orbit there; slider and buttons reach the same points from the keyboard.
-    eccentricity: in per cent, to begin with; by default most of the way to the first fold.
+    machine: by default the card "kaplan-150rpm". eccentricity: in per cent, to begin with; by default most of the way
+    to the first fold.
     Raises BadInput for a machine without an air gap, NoConvergence where there is no first steady state.
     """
-    view = EccentricityView(machine)
+    view = EccentricityView(machine or load_machine("kaplan-150rpm"))
     legs = view.legs.all
     start = round(0.9 * 100 * legs[0].high, 1) if eccentricity is None else eccentricity
     controls = {
@@ -32,19 +33,21 @@ def eccentricity_explorer(machine: Machine, eccentricity: float | None = None) -
     return FigureExplorer(view, view.kept, controls, view.pick)
 
 
-def branch_explorer(machine: Machine, eccentricity: float | None = None) -> FigureExplorer:
+def branch_explorer(machine: Machine | None = None, eccentricity: float | None = None) -> FigureExplorer:
     """The whole branch of a machine while its field, unbalance, rotor mass and guide-bearing stiffness change.
 
-    eccentricity: in per cent, where orbits are shown; by default a little before the first fold.
+    machine: by default the card "kaplan-150rpm". eccentricity: in per cent, where orbits are shown; by default a little
+    before the first fold.
     Raises BadInput for a machine without an air gap, NoConvergence where there is no first steady state.
     """
+    machine = machine or load_machine("kaplan-150rpm")
     view = BranchView(machine)
     body, bearing = machine.body(machine.air_gap.body), guide_bearing(machine)
     field, mass, stiffness = machine.air_gap.field, body.mass, float(np.abs(bearing.stiffness).max())
     first = 100 * view.card.all[0].high
+    start_at = round(0.95 * first, 1) if eccentricity is None else eccentricity
     controls = {
-        "eccentricity": slider("static eccentricity, %", round(0.95 * first, 1), 0.0, round(2 * first, 1), 0.1, 1)
-        if eccentricity is None else slider("static eccentricity, %", eccentricity, 0.0, round(2 * first, 1), 0.1, 1),
+        "eccentricity": slider("static eccentricity, %", start_at, 0.0, round(2 * first, 1), 0.1, 1),
         "field": slider("field, T", field, 0.8 * field, 1.12 * field, 0.004 * field, 3),
         "unbalance": slider("unbalance, × the card's", 1.0, 0.1, 2.0, 0.02, 2),
         "mass": slider(f"mass of the {body.name}, t", mass / 1e3, 0.6e-3 * mass, 1.5e-3 * mass, 5e-6 * mass, 1),

@@ -52,7 +52,7 @@ def calibration_explorer(machine: Machine | None = None) -> FigureExplorer:
         "depth": slider(f"depth of the {view.bearing.name}, m", round(1.1 * depth, 2), round(0.75 * depth, 2),
                         round(1.35 * depth, 2), 0.002, 3),
         "mass": slider(f"mass of the {view.body.name}, t", round(mass, 1), round(0.5 * mass), round(1.5 * mass), 0.5, 1),
-        "unbalance": slider("unbalance, × the card's", 0.7, 0.3, 2.0, 0.01, 2)})
+        "unbalance": slider("unbalance, × the card's", 0.7, 0.3, 2.0, 0.01, 2)}, start=view.begin)
 
 
 def diagnosis_explorer(machine: Machine | None = None) -> FigureExplorer:

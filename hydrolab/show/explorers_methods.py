@@ -16,7 +16,8 @@ def integrator_explorer(machine: Machine | None = None, eccentricity: float = 7.
     """
     view = IntegratorView(machine or load_machine("jeffcott"), eccentricity / 100)
     return FigureExplorer(view, view.kept, {"method": choice("method", "central difference", list(METHODS)),
-                                            "steps": steps("steps in a revolution", 32, STEPS)})
+                                            "steps": steps("steps in a revolution", 32, STEPS)},
+                          start=view.begin)
 
 
 def harmonics_explorer(machine: Machine | None = None, eccentricity: float = 5.0, leg: int = 2) -> FigureExplorer:

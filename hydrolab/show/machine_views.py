@@ -57,6 +57,10 @@ class CalibrationView:
                       title="Both at once: where the bands cross")
         self.kept = KeptFigure(figure, [self.branch, self.turn, self.trail, self.now])
 
+    def begin(self) -> None:
+        """Forget all tries."""
+        self.tries = []
+
     def _varied(self, depth: float, mass: float, unbalance: float) -> Machine:
         nodes = self.machine.shaft.nodes.copy()
         nodes[self.bearing.node] = depth

@@ -60,6 +60,10 @@ class IntegratorView:
             right.legend(loc="upper right")
         self.kept = KeptFigure(figure, [self.path, self.slope, self.here, *self.seen.values()])
 
+    def begin(self) -> None:
+        """Forget what was looked at."""
+        self.errors.clear()
+
     def __call__(self, method: str, steps: int) -> str:
         """Show a method with a number of steps in a revolution; return the reading."""
         chosen = METHODS[method](steps)

@@ -32,7 +32,7 @@ class ElementsView:
     def __init__(self, shaft: Shaft) -> None:
         self.shaft = _uniform(shaft, 1)
         self.exact = np.array([self._frequency(n) for n in range(1, MODES + 1)])
-        found = {count: self._modes(count)[0] for count in range(1, MOST + 1)}
+        found = {count: self.modes(count)[0] for count in range(1, MOST + 1)}
         with house_style():
             figure = new_figure(11, 5)
             left, right = figure.subplots(1, 2)
@@ -62,7 +62,7 @@ class ElementsView:
         b = s.density * (area + second * k**2 + s.young * second * k**2 / shear)
         return math.sqrt(2 * c / (b + math.sqrt(b * b - 4 * a * c)))
 
-    def _modes(self, count: int) -> tuple[NDArray, NDArray]:
+    def modes(self, count: int) -> tuple[NDArray, NDArray]:
         """Frequencies (rad/s, ascending) and shapes x at the nodes (nodes, modes) of the bending in (x, y)."""
         ends = RadialBearing("top", 0, 1.0), RadialBearing("bottom", count, 1.0)  # a machine needs some; pinned below
         model = Machine("shaft", 0.0, _uniform(self.shaft, count), (), ends).model()
@@ -74,7 +74,7 @@ class ElementsView:
 
     def __call__(self, elements: int, mode: int) -> str:
         """Show a mode of the shaft in so many elements; return the reading."""
-        frequencies, shapes = self._modes(elements)
+        frequencies, shapes = self.modes(elements)
         shape = shapes[:, mode - 1] if len(frequencies) >= mode else np.full(elements + 1, np.nan)
         sine = np.sin(mode * math.pi * self.y)
         nodes = np.linspace(0, 1, elements + 1)

@@ -1,11 +1,16 @@
 """Drawings and explorers: pictures with readings, and a slider that shows what its view says."""
 
+from pathlib import Path
+
 import ipywidgets as widgets
 import pytest
 
 from hydrolab import load_machine
+from hydrolab.course import readme_picture
 from hydrolab.course.drawings import conventions_picture, gap_picture
 from hydrolab.course.explorer import Explorer
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_drawings_say_what_they_show():
@@ -43,3 +48,13 @@ def test_a_view_that_fails_says_so():
     explorer = Explorer(lambda n: gap_picture(1 / n - 1), n=widgets.FloatSlider(value=1, min=0, max=2))
     with pytest.raises(ZeroDivisionError):
         explorer.controls["n"].value = 0
+
+
+def test_the_picture_of_the_readme_is_made_again(tmp_path, capsys):
+    file = tmp_path / "images" / "eccentricity.png"
+    assert readme_picture.main([str(file)]) == 0
+    line = capsys.readouterr().out
+    assert file.read_bytes().startswith(b"\x89PNG")
+    assert line.startswith("![The eccentricity explorer. Leg 1, stable. At 8.8 %")
+    shown = next(row for row in (ROOT / "README.md").read_text(encoding="utf-8").splitlines() if "eccentricity.png" in row)
+    assert shown.split("](")[0] == line.split("](")[0], "python -m hydrolab.course.readme_picture prints the line"

@@ -1,0 +1,97 @@
+"""Chapter 10 in a real browser: every cell runs, and its explorer does what a student expects of it."""
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+CHAPTER = "10-static-eccentricity.ipynb"
+COUNTED = """
+explorer, asked = next(w for w in __import__('ipywidgets').Widget.widgets.values()
+                       if getattr(w, 'view', None).__class__.__name__ == 'EccentricityView'), []
+inner = explorer.view
+explorer.view = lambda **values: asked.append(values) or inner(**values)
+"""
+
+pytestmark = pytest.mark.browser
+
+
+def keep(page, name: str) -> None:
+    """Keep a screenshot where HYDROLAB_SCREENSHOTS names a folder."""
+    if folder := os.environ.get("HYDROLAB_SCREENSHOTS"):
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        page.screenshot(path=str(Path(folder) / f"{name}.png"))
+
+
+def test_the_explorer_of_chapter_10(visit):
+    page = visit.page
+    visit.open(CHAPTER)
+    assert not page.locator(".jp-Dialog").all_inner_texts()
+    cells = visit.run_all()
+    assert cells and all(cell["count"] for cell in cells), "a cell did not run"
+    assert not [(cell["source"], output) for cell in cells for output in cell["outputs"]
+                if output["output_type"] == "error" or output.get("name") == "stderr"]
+
+    cell = visit.show_cell("eccentricity_explorer(unit")
+    picture, words = cell.locator("img"), cell.locator("[role=status]")
+    picture.wait_for()
+    assert words.get_attribute("aria-live") == "polite"
+    first = words.inner_text()
+    assert "At 8.8 %" in first and picture.get_attribute("alt") == first
+    keep(page, "explorer-first")
+
+    def changed(before: str, source: str) -> str:
+        page.wait_for_function("([before, source]) => [...document.querySelectorAll('[role=status]')].some(e => "
+                               "e.textContent.startsWith('Leg') && e.textContent !== before) && "
+                               "![...document.images].some(e => e.src === source)", arg=[before, source])
+        return words.inner_text()
+
+    # A key press moves the slider one step, and picture and reading with it.
+    source, handle = picture.get_attribute("src"), cell.locator(".noUi-handle")
+    handle.focus()
+    page.keyboard.press("ArrowRight")
+    second = changed(first, source)
+    assert "At 8.85 %" in second and picture.get_attribute("alt") == second
+
+    # A fast drag skips values and ends where the slider ends.
+    visit.run(COUNTED)
+    source, box = picture.get_attribute("src"), handle.bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for i in range(80):
+        page.mouse.move(x - 3 * i, y)
+    page.mouse.up()
+    changed(second, source)
+    readout = cell.locator(".widget-readout")
+    page.wait_for_function("([words, readout]) => words.textContent.includes(`At ${parseFloat(readout.textContent)} %`)",
+                           arg=[words.element_handle(), readout.element_handle()])
+    asked, last = visit.run("print(len(asked), asked[-1]['eccentricity'])").split()
+    assert 2 <= int(asked) < 80
+    assert float(last) == pytest.approx(float(readout.inner_text()), abs=0.005)
+    keep(page, "explorer-dragged")
+
+    # Where there is no orbit it says so.
+    before, source = words.inner_text(), picture.get_attribute("src")
+    handle.focus()
+    page.keyboard.press("End")
+    assert "has no steady state" in changed(before, source)
+    keep(page, "explorer-none")
+
+    # A click on a point of the branch shows that orbit: the place of leg 3 at 9.5 %, as the kernel knows it.
+    said = visit.run("d = inner.diagram.transData.transform((9.5, 1e6 * inner.legs.orbit(0.095, 2).amplitudes[0, 0]));"
+                     "print(*inner.kept.figure.transFigure.inverted().transform(d))")
+    right, up = map(float, said.split())
+    before, source, box = words.inner_text(), picture.get_attribute("src"), picture.bounding_box()
+    picture.click(position={"x": right * box["width"], "y": (1 - up) * box["height"]})
+    clicked = changed(before, source)
+    assert clicked.startswith("Leg 3, stable. At 9.")
+    assert abs(float(re.search(r"At ([\d.]+) %", clicked)[1]) - 9.5) < 0.11
+    keep(page, "explorer-clicked")
+
+    before, source = clicked, picture.get_attribute("src")
+    cell.get_by_role("button", name="Reset").press("Enter")
+    assert changed(before, source) == first
+    assert not visit.strangers, f"requests that leave this computer: {visit.strangers}"
+    assert not visit.mistakes, visit.mistakes

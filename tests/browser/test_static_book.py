@@ -1,0 +1,151 @@
+"""The static book as a reader has it: built with warnings as errors, opened from disk, nothing asked of another host."""
+
+import os
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+
+from hydrolab.course import pages
+from hydrolab.course.static_book import NEEDED
+
+playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]")
+
+BOOK = Path(__file__).resolve().parents[2] / "book"
+CHAPTERS = list(pages.chapters(BOOK))
+BROWSER = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
+FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync"]
+MISSING = [name for name in NEEDED if find_spec(name) is None] + (
+    [] if shutil.which("npm") else ["npm"]) + ([] if BROWSER else ["Chromium or Chrome"])
+TOLD = ("doi.org",)  # hosts that a page may name in a link for the reader to follow
+
+pytestmark = [pytest.mark.browser]
+if not os.environ.get("HYDROLAB_REQUIRE_BOOK"):  # where it is set, as in CI, what is missing is a fault
+    pytestmark.append(pytest.mark.skipif(bool(MISSING), reason=f"the static book needs {', '.join(MISSING)}"))
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The pages, built by the command with the instructor's."""
+    out = tmp_path_factory.mktemp("book") / "html"
+    done = subprocess.run([sys.executable, "-m", "hydrolab.cli", "book", "--instructor", "--out", str(out)],
+                          capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "TeX" not in done.stdout, "MathJax was not fetched"
+    return out
+
+
+class Links(HTMLParser):
+    """The anchors of a page, what it links to, and what it loads by itself."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.anchors: set[str] = set()
+        self.linked: list[str] = []
+        self.loaded: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        self.anchors.update(filter(None, (found.get("id"), found.get("name"))))
+        for name in ("href", "src", "data", "poster"):
+            if found.get(name):
+                (self.linked if tag == "a" else self.loaded).append(found[name])
+
+
+def test_every_link_leads_somewhere(site):
+    found = {path.relative_to(site): Links(path.read_text(encoding="utf-8")) for path in site.rglob("*.html")
+             if "_static" not in path.parts}  # the theme leaves a template there
+    assert {Path(f"{name}.html") for name in CHAPTERS} <= set(found)
+    for page, links in found.items():
+        for target in links.linked + links.loaded:
+            parts = urlsplit(target)
+            if parts.scheme or parts.netloc:
+                assert parts.scheme in ("data", "mailto") or (target in links.linked and parts.netloc in TOLD), target
+                continue
+            path = Path(os.path.normpath(page.parent / unquote(parts.path))) if parts.path else page
+            assert (site / path).exists(), f"{page} → {target}"
+            if parts.fragment and path in found:
+                assert unquote(parts.fragment) in found[path].anchors, f"{page} → {target}"
+
+
+def test_equations_are_linked_and_publications_collected(site):
+    for number, name in pages.equations(BOOK).items():
+        text = (site / f"{name}.html").read_text(encoding="utf-8")
+        assert f'id="{pages.anchor(number)}"' in text
+    everything = "".join((site / f"{name}.html").read_text(encoding="utf-8") for name in CHAPTERS)
+    assert everything.count('class="eq"') > 20
+    bibliography = (site / "bibliography.html").read_text(encoding="utf-8")
+    assert bibliography.count("Named in chapter") > 5 and "https://doi.org/10." in bibliography
+    assert "harmonic_balance" in (site / "api.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def reader(site):
+    """A browser that reads files and is refused everything else; what it asked for in vain, and what went wrong."""
+    with playwright_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
+        context = browser.new_context(viewport={"width": 1280, "height": 900}, offline=True)
+        page = context.new_page()
+        page.strangers, page.mistakes = [], []
+        page.on("request", lambda request: request.url.startswith(("file:", "data:", "blob:"))
+                or page.strangers.append(request.url))
+        page.on("pageerror", lambda error: page.mistakes.append(str(error)))
+        yield page
+        browser.close()
+
+
+@pytest.mark.parametrize("name", ["index", *CHAPTERS, *pages.PAGES])
+def test_a_page_opens_from_disk(site, reader, name):
+    reader.goto((site / f"{name}.html").as_uri())
+    reader.evaluate("window.MathJax?.startup?.promise")
+    formulas = reader.locator("main .math").count()
+    assert reader.locator("main mjx-container").count() == formulas
+    assert formulas or name in ("index", "bibliography", "api")
+    assert reader.locator("mjx-merror").count() == 0
+    pictures = reader.evaluate("""[...document.querySelectorAll("main .cell_output figure > img")].map(
+        image => [image.alt.length, image.complete && image.naturalWidth])""")
+    assert all(words > 20 and width > 200 for words, width in pictures)
+    assert bool(pictures) == (name in CHAPTERS)
+    assert not reader.strangers and not reader.mistakes
+
+
+@pytest.mark.parametrize("chapter", [10])  # one: a 3D scene without a graphics card is slow
+def test_a_recorded_scene_plays(site, reader, chapter):
+    name = next(name for name in CHAPTERS if int(name[:2]) == chapter)
+    reader.goto((site / f"{name}.html").as_uri())
+    frame = reader.locator("iframe.scene")
+    assert frame.get_attribute("loading") == "lazy"
+    assert "smallest gap" in frame.get_attribute("title")
+    frame.scroll_into_view_if_needed()
+    frame.content_frame.locator("canvas").first.wait_for(timeout=30_000)
+    assert not reader.strangers
+
+
+@pytest.mark.parametrize("name", CHAPTERS)
+def test_flipbooks_move(site, reader, name):
+    reader.goto((site / f"{name}.html").as_uri())
+    books = reader.locator(".flipbook")
+    stored = (BOOK / f"{name}.ipynb").read_text(encoding="utf-8").count('"text/vnd.hydrolab.flipbook"')
+    assert books.count() == stored
+    for book in books.all():
+        slider, caption = book.locator("input"), book.locator("figcaption")
+        assert slider.is_visible() and book.locator("figure > img").is_visible()
+        said, value = caption.inner_text(), book.locator("output").inner_text()
+        before = book.screenshot()
+        slider.focus()
+        for key, end in (("Home", "0"), ("End", slider.get_attribute("max"))):
+            reader.keyboard.press(key)
+            assert slider.input_value() == end
+            assert not book.locator("figure > img").is_visible() and book.locator(".flipbook-frame").is_visible()
+            assert book.locator(".flipbook-frame").get_attribute("alt") == caption.inner_text()
+        assert caption.inner_text() != said and book.locator("output").inner_text() != value
+        assert reader.wait_for_function("[...document.images].every(image => image.complete)")
+        assert book.screenshot() != before
+    assert not reader.strangers and not reader.mistakes

@@ -1,0 +1,57 @@
+"""The instructor's pages: solutions that compute what they print, every chapter in the syllabus, links that resolve."""
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+import pytest
+
+from hydrolab.course import pages
+
+FOLDER = Path(__file__).resolve().parents[2] / "book" / "instructor"
+TEXTS = {path.stem: path.read_text(encoding="utf-8") for path in sorted(FOLDER.glob("*.md"))}
+PROBLEMS = re.split(r"^(?=## Problem )", TEXTS["problems"], flags=re.MULTILINE)[1:]
+SOLUTION = re.compile(r"```python\n(.*?)```\s*```text\n(.*?)```", re.DOTALL)
+
+
+@pytest.mark.parametrize("problem", PROBLEMS, ids=[text.split(":")[0].strip("# ") for text in PROBLEMS])
+def test_a_problem_is_solved_by_what_it_computes(problem):
+    assert re.match(r"## Problem \d: .* \(chapters? [\d, ]+\)\n", problem)
+    assert "*For full marks:*" in problem and len(re.findall(r"^\d\. ", problem, re.MULTILINE)) >= 3
+    (code, printed), = SOLUTION.findall(problem)
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        exec(compile(code, "problem", "exec"), {})
+    assert out.getvalue() == printed
+
+
+def test_every_chapter_has_its_time():
+    rows = re.findall(r"^\| (\d+) [^|]+\| (\d+) min \| (\d+) min \|", TEXTS["syllabus"], re.MULTILINE)
+    assert [int(row[0]) for row in rows] == list(range(13))
+    reading, exercises = (sum(int(row[i]) for row in rows) / 60 for i in (1, 2))
+    said = re.search(r"about (\d+) hours of reading and (\d+) of exercises", TEXTS["syllabus"])
+    assert (round(reading), round(exercises)) == tuple(map(int, said.groups()))
+    for name, notebook in pages.chapters(FOLDER.parent).items():
+        minutes = re.search(r"about (\d+) minutes", "\n".join(pages.sources(notebook)))[1]
+        assert dict((int(number), time) for number, time, _ in rows)[int(name[:2])] == minutes, name
+
+
+@pytest.mark.parametrize("weeks", ["Four", "Eight", "Fourteen"])
+def test_a_syllabus_for(weeks):
+    assert f"## {weeks} weeks" in TEXTS["syllabus"]
+
+
+def test_every_misconception_has_a_question():
+    rows = re.findall(r"^\| ([A-Z\"][^|]+)\| ([\d, ]+) \| (\"[^|]+) \| ([^|]+) \|$", TEXTS["misconceptions"], re.MULTILINE)
+    assert len(rows) == TEXTS["misconceptions"].count("\n| ") - 1 == 12
+    for _, chapters, question, answer in rows:
+        assert all(0 <= int(chapter) <= 12 for chapter in chapters.split(","))
+        assert (question.count('"') == 2 and "?" in question) or "Write the sentence" in question
+        assert len(answer) > 60
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_links_of_the_instructors_pages(name):
+    for target in re.findall(r"\]\(([^)\s#]+)", TEXTS[name]):
+        assert (FOLDER / target).is_file(), target
