@@ -34,6 +34,7 @@ from viser._messages import (
     GuiUpdateMessage,
     NotificationProps,
     NotificationShowMessage,
+    ThemeConfigurationMessage,
     ViewerCameraMessage,
 )
 from viser.infra import Message, WebsockClientConnection
@@ -130,6 +131,7 @@ class Gate:
 
     async def _wait(self, client: WebsockClientConnection, connection: ServerConnection) -> None:
         """Say that all places are taken, and close when one is free: the browser then comes again by itself."""
+        client.queue_message(ThemeConfigurationMessage(None, "floating", "medium", False, False, False, None))
         client.queue_message(NotificationShowMessage("full", NotificationProps(
             title=f"All {self.viewers} places are taken",
             body="This page opens by itself when someone leaves.", loading=True, with_close_button=False,

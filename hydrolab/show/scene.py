@@ -290,6 +290,8 @@ class MachineScene:
         if wanted != self._applied:
             if _solve_for(wanted) != _solve_for(self._applied):
                 self.shown = self._solved(self.shown)
+                if self.shown.jumped:  # it stays where it jumped to: lowering the eccentricity again does not bring it back
+                    wanted = self._stay(wanted, self.shown.leg)
             if wanted.dark != self._applied.dark:
                 self.server.gui.configure_theme(dark_mode=wanted.dark, show_share_button=False, show_logo=False)
                 add_surroundings(self.server, self.sizes, wanted.dark)
@@ -298,6 +300,18 @@ class MachineScene:
         share = 1.0 if self.shown.jumped else 1 - math.exp(-passed / EASE)
         self.drawn = self.drawn.towards(stations(self.machine, self.shown.orbit), share)
         self.centre = (1 - share) * self.centre + share * self.shown.orbit.centre
+
+    def _stay(self, wanted: SceneSettings, leg: int) -> SceneSettings:
+        """Settings with the leg that the machine jumped to, unless something else was set meanwhile."""
+        with self._lock:
+            if self.settings == wanted:
+                self.settings = replace(wanted, leg=leg)
+            return replace(wanted, leg=leg)
+
+    @property
+    def legs(self) -> tuple[int, ...]:
+        """The legs of the branch that the machine can be on at the present eccentricity."""
+        return self.live.legs.stable_at(self.settings.static_eccentricity) if self.live.legs else ()
 
     def run(self) -> None:
         """Start the loop that moves the machine; it ends with `stop`."""

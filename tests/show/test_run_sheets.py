@@ -93,7 +93,7 @@ def test_it_reads_as_text():
         assert all(part in text for part in (step.title, step.cue, step.see, step.ask))
 
 
-STEP = '[[step]]\ntitle = "A"\nminutes = 1\ncamera = "generator"\ncue = "c"\nsee = "s"\nask = "a"\n'
+STEP = '[[step]]\ntitle = "A"\nminutes = 1\ncamera = "air gap"\ncue = "c"\nsee = "s"\nask = "a"\n'
 TOP = 'title = "T"\nminutes = 1\ncard = "kaplan-150rpm"\n'
 
 
@@ -104,7 +104,7 @@ TOP = 'title = "T"\nminutes = 1\ncard = "kaplan-150rpm"\n'
     (TOP + "step = [3]", "step 1: 3 is no part of a step"),
     (TOP + STEP + 'colour = "red"', "step 1: 'colour' is no part of a step"),
     (TOP + STEP.replace('cue = "c"\n', ""), "step 1: cue is None"),
-    (TOP + STEP.replace('"generator"', '"moon"'), "camera is 'moon'; there are whole machine"),
+    (TOP + STEP.replace('"air gap"', '"moon"'), "camera is 'moon'; there are machine"),
     (TOP + STEP.replace("minutes = 1", "minutes = 2"), "minutes is 1, but its steps take 2"),
     (TOP + STEP + 'set = { eccentricity = "8" }', "eccentricity is '8'; give a number from 0 to 100"),
     (TOP + STEP + "set = { eccentricity = nan }", "eccentricity is nan"),

@@ -344,7 +344,7 @@ def test_a_full_server_says_so_and_opens_when_someone_leaves(raw):
     third = raw(port)
     notice = third.wait(lambda me: [m for m in me.heard if m["type"] == "NotificationShowMessage"])[0]
     assert notice["props"]["title"] == "All 2 places are taken"
-    assert {m["type"] for m in third.heard} == {"NotificationShowMessage"}  # and nothing of the scene
+    assert {m["type"] for m in third.heard} == {"NotificationShowMessage", "ThemeConfigurationMessage"}  # nothing else
     for _ in range(200):
         third.say({"type": "ShareUrlRequest"})
     waiting = [raw(port) for _ in range(2)]
