@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import io
+import signal
 import threading
 import webbrowser
 from pathlib import Path
 
 import segno
+from rich.progress import Progress
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.cards import load_machine
+from hydrolab.machine.parts import Machine
 from hydrolab.show.controls import Controls
 from hydrolab.show.pin import Pin
-from hydrolab.show.run_sheet import RunSheet, load_run_sheet, sheet_machine
+from hydrolab.show.recording import record_machine
+from hydrolab.show.run_sheet import RunSheet, load_run_sheet
 from hydrolab.show.scene import MachineScene
 from hydrolab.show.server import close_server, open_server, page_address, room_address, stop_with_server
 from hydrolab.show.sheet_page import record_sheet
@@ -30,7 +34,7 @@ def show_command(card: str | None, *, room: bool, host: str | None, port: int | 
     run_sheet = load_run_sheet(sheet) if sheet else None
     if run_sheet and card is not None:
         raise BadInput(f"The run sheet is about {run_sheet.card}; give either --run-sheet or a card.")
-    machine = sheet_machine(run_sheet) if run_sheet else load_machine(card or "kaplan-150rpm")
+    machine = load_machine(run_sheet.card if run_sheet else card or "kaplan-150rpm")
     if record:
         return _record(machine, run_sheet, record)
     address = host or (room_address() if room else "127.0.0.1")
@@ -53,9 +57,27 @@ def show_command(card: str | None, *, room: bool, host: str | None, port: int | 
             webbrowser.open(page)
         threading.Event().wait()
     except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # closing takes a moment; a second Ctrl-C changes nothing
+        close_server()
         print("\nThe 3D view is closed.")
     finally:
         close_server()
+    return 0
+
+
+def _record(machine: Machine, run_sheet: RunSheet | None, path: Path) -> int:
+    """Write the machine, or each step of a run sheet, as a file."""
+    with Progress(transient=True) as progress:
+        task = progress.add_task(f"recording {path.name}")
+
+        def done(part: int, whole: int) -> None:
+            progress.update(task, completed=part, total=whole)
+
+        if run_sheet:
+            record_sheet(run_sheet, path, progress=done)
+        else:
+            record_machine(machine, path, progress=done)
+    print(f"{path} plays in a browser without a server, and without a network ({path.stat().st_size / 1e6:.1f} MB).")
     return 0
 
 
