@@ -59,7 +59,7 @@ class LiveOrbit:
         with threadpool_limits(1):
             if self.legs is None:
                 orbit = self.balance.solve(self.model.with_unbalance(unbalance), self.machine.speed)
-                return Shown(orbit, 0, "stable", "The machine has no air gap, so no pull: a linear rotor with its unbalance.")
+                return Shown(orbit, 0, "stable", "There is no air gap, so no pull: a linear rotor with its unbalance.")
             try:
                 self._strengthen(field, unbalance)
             except (NoConvergence, Contact, BadInput):

@@ -44,7 +44,6 @@ from hydrolab.show.scene_parts import (
     add_shaft,
     add_stator,
     add_surroundings,
-    linear_rgb,
     orbit_colours,
     rotor_solids,
     sizes_of,
@@ -52,7 +51,7 @@ from hydrolab.show.scene_parts import (
 
 FAST, SLOW, FEW = 60.0, 30.0, 4  # frames a second, with up to FEW viewers and with more
 EASE = 0.035  # s; what is drawn follows a new orbit with this time constant
-SHARE = 0.35  # of the stator's radius: the gap as it is first drawn
+SHARE = 0.28  # of the stator's radius: the gap as it is first drawn
 ARROW = 1.6  # m: the arrow of the largest pull on the orbit
 
 
@@ -97,8 +96,9 @@ class MachineScene:
         self.views = _views(self.sizes.top, self.sizes.bottom, self.sizes.stator or 1.5)
         self.settings = self._checked(SceneSettings(exaggeration=float(round(steps))), settings)
         self.shown: Shown = self._solved(None)
-        self.drawn = stations(machine, self.shown.orbit)  # what the eye sees, on its way to the orbit
-        self.centre = np.array(self.shown.orbit.centre)
+        self.where = stations(machine, self.shown.orbit)
+        self.drawn, self.centre = self.where, np.array(self.shown.orbit.centre)  # what the eye sees, on its way there
+        self.factor = self._drawn_factor()
         self._applied = self.settings
         self._build()
         self._dress()
@@ -133,8 +133,9 @@ class MachineScene:
                 raise BadInput(f"{name!r} is no setting of the 3D view; there are {', '.join(vars(now))}.")
             if name == "view" and value not in self.views:
                 raise BadInput(f"view is {value!r}; there are {', '.join(self.views)}.")
-            if isinstance(own, bool) != isinstance(value, (bool, np.bool_)) or isinstance(own, str) != isinstance(value, str):
-                raise BadInput(f"{name} is {value!r}; it must be {'true or false' if isinstance(own, bool) else 'a number'}.")
+            if isinstance(own, bool) != isinstance(value, bool) or isinstance(own, str) != isinstance(value, str):
+                kind = "true or false" if isinstance(own, bool) else "a number"
+                raise BadInput(f"{name} is {value!r}; it must be {kind}.")
             if isinstance(own, float):
                 if not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
                     raise BadInput(f"{name} is {value!r}; it must be a finite number.")
@@ -155,7 +156,7 @@ class MachineScene:
     def reading(self) -> str:
         """What is shown, in words."""
         return f"{self.shown.words} {reading(self.shown.orbit)} Displacements and gap are drawn " \
-               f"{self.settings.exaggeration:.0f} times as large, the shaft slim."
+               f"{self.factor:.0f} times as large, the shaft slim."
 
     # ------------------------------------------------------------------ building
 
@@ -180,8 +181,8 @@ class MachineScene:
 
     def _add_names(self) -> None:
         def name(text: str, position: Any, scale: float = 1.0, anchor: str = "center-left") -> Any:
-            label = self.server.scene.add_label(f"/names/{text}", text, position=tuple(position), font_screen_scale=scale,
-                                                anchor=anchor)
+            label = self.server.scene.add_label(f"/names/{text}", text, position=tuple(position), anchor=anchor,
+                                                font_screen_scale=scale)
             self.nodes.names.append(label)
             return label
 
@@ -200,22 +201,21 @@ class MachineScene:
             name(f"orbit in its gap of {1e3 * gap.gap:.3g} mm", foot + [0, 0, -INSET - 0.35], 0.9, "center-center")
             self.big = self.server.scene.add_label("/gap", "", position=tuple(foot + [0, 0, INSET + 0.55]),
                                                    font_screen_scale=1.7, anchor="center-center")
-        self.small = self.server.scene.add_label("/scale", "", position=(0.0, 0.0, sizes.bottom - 1.75), font_screen_scale=0.9,
-                                                 anchor="center-center")
+        self.small = self.server.scene.add_label("/scale", "", position=(0.0, 0.0, sizes.bottom - 1.75),
+                                                 font_screen_scale=0.9, anchor="center-center")
 
     def _rotor_radius(self) -> float:
-        return drawn_rotor_radius(self.sizes.stator, self.machine.air_gap.gap, self._factor)
+        return drawn_rotor_radius(self.sizes.stator, self.machine.air_gap.gap, self.factor)
 
-    @property
-    def _factor(self) -> float:
+    def _drawn_factor(self) -> float:
         """The exaggeration that is drawn: as wanted, less where a tilt would look wrong."""
-        return min(self.settings.exaggeration, largest_exaggeration(stations(self.machine, self.shown.orbit)))
+        return min(self.settings.exaggeration, largest_exaggeration(self.where))
 
     def _dress(self) -> None:
         """Everything that changes with a setting and not with time."""
-        orbit, factor, gap = self.shown.orbit, self._factor, self.machine.air_gap
-        where = stations(self.machine, orbit)
-        lines, away = orbit_lines(where, factor)
+        orbit, gap = self.shown.orbit, self.machine.air_gap
+        factor = self.factor = self._drawn_factor()
+        lines, away = orbit_lines(self.where, factor)
         largest = float(away.max())
         self.server.scene.add_line_segments("/orbits", lines.astype(np.float32), orbit_colours(away, largest), thickness=4.0,
                                             thickness_units="screen")
@@ -232,7 +232,7 @@ class MachineScene:
         path = np.column_stack([*inside, np.full(193, 0.01)])
         colour = {"stable": (0.0, 0.62, 0.45), "unstable": (0.835, 0.369, 0.0)}.get(self.shown.verdict, (0.5, 0.5, 0.5))
         self.server.scene.add_line_segments("/inset/orbit", np.stack([path[:-1], path[1:]], 1).astype(np.float32),
-                                            linear_rgb(np.array(colour)), thickness=4.0, thickness_units="screen")
+                                            tuple(round(255 * c) for c in colour), thickness=4.0, thickness_units="screen")
         self._pull_scale = ARROW / max(float(np.hypot(*self._pull(turn)).max()), 1e-9)
 
     def _pull(self, phase: Any) -> np.ndarray:
@@ -248,7 +248,7 @@ class MachineScene:
 
     def draw(self, phase: float) -> None:
         """Show the machine at a phase Ωt, rad."""
-        factor, motion = self._factor, self.drawn.motion(phase)
+        factor, motion = self.factor, self.drawn.motion(phase)
         places, leaning = positions(self.drawn, motion, factor), quaternions(motion, factor)
         spinning = quaternions(motion, factor, phase)
         moving, machine = self.nodes.moving, self.machine
@@ -275,7 +275,7 @@ class MachineScene:
         length, angle = math.hypot(fx, fz), math.atan2(fz, fx)
         tail = places[at] + [0, 0, 0.78 * machine.air_gap.length]
         turn = (math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2))
-        for bone, along in zip(moving["pull"].bones, (0.0, length), strict=True):
+        for bone, along in zip(moving["pull"].bones, (0.0, length), strict=False):
             bone.position = tail + along * np.array([math.cos(angle), math.sin(angle), 0.0])
             bone.wxyz = turn
 
@@ -292,13 +292,14 @@ class MachineScene:
                 self.shown = self._solved(self.shown)
                 if self.shown.jumped:  # it stays where it jumped to: lowering the eccentricity again does not bring it back
                     wanted = self._stay(wanted, self.shown.leg)
+                self.where = stations(self.machine, self.shown.orbit)
             if wanted.dark != self._applied.dark:
                 self.server.gui.configure_theme(dark_mode=wanted.dark, show_share_button=False, show_logo=False)
                 add_surroundings(self.server, self.sizes, wanted.dark)
             self._applied = wanted
             self._dress()
         share = 1.0 if self.shown.jumped else 1 - math.exp(-passed / EASE)
-        self.drawn = self.drawn.towards(stations(self.machine, self.shown.orbit), share)
+        self.drawn = self.drawn.towards(self.where, share)
         self.centre = (1 - share) * self.centre + share * self.shown.orbit.centre
 
     def _stay(self, wanted: SceneSettings, leg: int) -> SceneSettings:
@@ -367,5 +368,5 @@ def _views(top: float, bottom: float, radius: float) -> dict[str, tuple[tuple[fl
         centre = aside * LEFT + [0, 0, at]
         return tuple(centre + distance * away + [0, 0, up]), tuple(centre)
 
-    return {"machine": seen(1.45 * height + 1.2, 0.32 * height, bottom + 0.52 * height, 1.1),
+    return {"machine": seen(0.86 * height + 1.2, 0.88 * height, bottom + 0.47 * height, -0.12 * height),
             "air gap": seen(1.9 * radius, 1.5 * radius, top - 0.2), "lower end": seen(4.6, 1.8, bottom + 0.8)}

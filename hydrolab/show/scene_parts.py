@@ -21,7 +21,7 @@ AZIMUTH = math.radians(-58)  # where the camera of the first view stands, and wi
 CUT = math.radians(50)  # half of the sector that is cut away
 BLADES = 5
 LEFT = np.array([math.sin(AZIMUTH), -math.cos(AZIMUTH), 0.0])  # to the left of the first view
-INSET = 1.75  # m; radius of the gap circle in the inset
+INSET = 2.1  # m; radius of the gap circle in the inset
 SPREAD = 1.6  # of the largest displacement: the end of the orbits' colours
 
 
@@ -31,14 +31,14 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 def linear_rgb(colours: NDArray) -> NDArray:
-    """Colours (…, 3) from 0 to 1 for lines, which read linear light, as bytes."""
+    """Colours (…, 3) from 0 to 1 for the points of lines, which read linear light (one colour of all does not)."""
     c = np.asarray(colours)
     return np.round(255 * np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)).astype(np.uint8)
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of the drawing, m: the stator's inner radius and the rotor's height, the shaft drawn slim, top and bottom."""
+    """Sizes of the drawing, m: inner radius of the stator, height of the rotor, radius of the slim shaft, top and bottom."""
 
     stator: float
     height: float
@@ -55,7 +55,7 @@ def sizes_of(machine: Machine) -> Sizes:
         return Sizes(stator, gap.length if gap else 0.5, 0.12, STUB, -STUB)
     length = machine.shaft.length
     ends = [0.0, -length] + [-(float(machine.shaft.nodes[b.node]) + b.offset) for b in machine.bodies]
-    return Sizes(stator, gap.length if gap else 0.0, min(float(machine.shaft.diameter.max()) / 2, 0.018 * length),
+    return Sizes(stator, gap.length if gap else 0.0, min(float(machine.shaft.diameter.max()) / 2, 0.022 * length),
                  max(ends), min(ends))
 
 
@@ -114,11 +114,13 @@ def add_body(server: ViserServer, nodes: Nodes, machine: Machine, body: RigidBod
     radius, path = disc_radius(body), f"/bodies/{body.name}"
     nodes.moving[body.name] = server.scene.add_frame(path, show_axes=False)
     if machine.air_gap and machine.shaft is not None and body.node == len(machine.shaft.nodes) - 1:
-        hub = solids.swept(np.array([[0.001, -0.62], [0.3, -0.5], [0.46, -0.15], [0.46, 0.28], [0.3, 0.42], [0.001, 0.42]]) * radius)
+        outline = [[0.001, -0.62], [0.3, -0.5], [0.46, -0.15], [0.46, 0.28], [0.3, 0.42], [0.001, 0.42]]
+        hub = solids.swept(np.array(outline) * radius)
         plate = solids.blade(0.36 * radius, radius, 0.5)
         around = [solids.turned(plate, 2 * math.pi * k / BLADES) for k in range(BLADES)]
         server.scene.add_mesh_simple(f"{path}/hub", *hub, color=(60, 120, 108), side="double")
-        server.scene.add_mesh_simple(f"{path}/blades", *solids.joined(*around[1:]), color=rgb(COLOURS["stable"]), side="double")
+        server.scene.add_mesh_simple(f"{path}/blades", *solids.joined(*around[1:]), color=rgb(COLOURS["stable"]),
+                                     side="double")
         server.scene.add_mesh_simple(f"{path}/painted", *around[0], color=rgb(COLOURS["unstable"]), side="double")
         return
     thick = max(0.06 * radius, 0.02)
@@ -137,7 +139,7 @@ def add_shaft(server: ViserServer, nodes: Nodes, depths: NDArray, radius: float)
     rest = np.column_stack([np.zeros((len(depths), 2)), -depths])
     nodes.moving["shaft"] = server.scene.add_mesh_skinned(
         "/shaft", vertices.astype(np.float32), faces.astype(np.uint32), bone_wxyzs=upright, bone_positions=rest,
-        skin_weights=weights.astype(np.float32), color=(176, 184, 192), opacity=0.5)
+        skin_weights=weights.astype(np.float32), color=(150, 162, 176), opacity=0.7)
 
 
 def add_bearings(server: ViserServer, machine: Machine, sizes: Sizes) -> None:
@@ -158,15 +160,16 @@ def add_bearings(server: ViserServer, machine: Machine, sizes: Sizes) -> None:
     for bearing in machine.thrust_bearings:
         z = -float(machine.shaft.nodes[bearing.node])
         ring = solids.moved(solids.ring(1.9 * r, 4.6 * r, -1.4 * r, -0.6 * r, start, end), z=z)
-        server.scene.add_mesh_simple(f"/bearings/{bearing.name}", *ring, color=(150, 110, 40), flat_shading=True, side="double")
+        server.scene.add_mesh_simple(f"/bearings/{bearing.name}", *ring, color=(150, 110, 40), flat_shading=True,
+                                     side="double")
 
 
 def add_collars(server: ViserServer, nodes: Nodes, machine: Machine, sizes: Sizes) -> None:
     """The collar that rests on each thrust bearing; it moves with its node."""
     for bearing in machine.thrust_bearings:
         collar = solids.ring(0.5 * sizes.shaft, 4.0 * sizes.shaft, -0.5 * sizes.shaft, 0.1 * sizes.shaft)
-        nodes.moving[bearing.name] = server.scene.add_mesh_simple(f"/collars/{bearing.name}", *collar, color=(190, 196, 202),
-                                                                  flat_shading=True)
+        nodes.moving[bearing.name] = server.scene.add_mesh_simple(f"/collars/{bearing.name}", *collar,
+                                                                  color=(190, 196, 202), flat_shading=True)
 
 
 def add_pull(server: ViserServer, nodes: Nodes, radius: float) -> None:
@@ -174,13 +177,14 @@ def add_pull(server: ViserServer, nodes: Nodes, radius: float) -> None:
     shaft = np.array([[0.001, 0.0], [radius, 0.0], [radius, 1.0], [0.001, 1.0]])
     head = np.array([[0.001, 1.0], [2.4 * radius, 1.0], [0.001, 1.0 + 5 * radius]])
     vertices, faces = solids.joined(solids.swept(shaft, steps=24), solids.swept(head, steps=24))
-    weights = np.stack([1.0 - np.minimum(vertices[:, 2], 1.0), np.minimum(vertices[:, 2], 1.0)], axis=1)
+    share = np.minimum(vertices[:, 2], 1.0)
+    weights = np.stack([1.0 - share, share, 0 * share, 0 * share], axis=1)  # the page wants four bones at least
     vertices = vertices[:, [2, 1, 0]] * [1, 1, -1]  # along X
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (4, 1))
     nodes.moving["pull"] = server.scene.add_mesh_skinned(
         "/pull", vertices.astype(np.float32), faces.astype(np.uint32), bone_wxyzs=upright,
-        bone_positions=np.array([[0.0, 0, 0], [1.0, 0, 0]]), skin_weights=weights.astype(np.float32),
-        color=rgb(COLOURS["1X"]), side="double")
+        bone_positions=np.array([[0.0, 0, 0], [1.0, 0, 0], [0.0, 0, 0], [0.0, 0, 0]]),
+        skin_weights=weights.astype(np.float32), color=rgb(COLOURS["1X"]), side="double")
 
 
 def add_inset(server: ViserServer, nodes: Nodes, sizes: Sizes) -> None:
@@ -191,7 +195,7 @@ def add_inset(server: ViserServer, nodes: Nodes, sizes: Sizes) -> None:
     angle = np.linspace(0, 2 * np.pi, 97)
     circle = INSET * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
     cross = np.array([[[-0.1, 0, 0], [0.1, 0, 0]], [[0, -0.1, 0], [0, 0.1, 0]]])
-    grey = linear_rgb(np.array(to_rgb(COLOURS["stator"])))
+    grey = rgb(COLOURS["stator"])
     server.scene.add_line_segments("/inset/gap", np.stack([circle[:-1], circle[1:]], 1).astype(np.float32), grey,
                                    thickness=5.0, thickness_units="screen")
     server.scene.add_line_segments("/inset/centre", cross.astype(np.float32), grey, thickness=2.0, thickness_units="screen")
@@ -221,7 +225,7 @@ def add_surroundings(server: ViserServer, sizes: Sizes, dark: bool) -> None:
     z = np.arange(sizes.bottom - 0.9, sizes.top + 1.3, 0.3)
     dashes = np.zeros((len(z), 2, 3))
     dashes[:, 0, 2], dashes[:, 1, 2] = z, z + 0.17
-    scene.add_line_segments("/axis", dashes.astype(np.float32), linear_rgb(np.full(3, 0.75 if dark else 0.25)), thickness=2.0,
+    scene.add_line_segments("/axis", dashes.astype(np.float32), (190, 190, 190) if dark else (64, 64, 64), thickness=2.0,
                             thickness_units="screen")
 
 

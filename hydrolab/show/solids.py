@@ -78,7 +78,7 @@ def blade(inner: float, outer: float, pitch: float = 0.5, thickness: float = 0.0
     rim = np.concatenate([np.arange(steps), steps * np.arange(1, steps) + steps - 1,
                           steps * (steps - 1) + np.arange(steps - 2, -1, -1), steps * np.arange(steps - 2, 0, -1)])
     after, below = np.roll(rim, -1), steps * steps
-    sides = np.concatenate([np.stack([rim, rim + below, after + below], -1), np.stack([rim, after + below, after], -1)])
+    sides = np.concatenate([np.stack([rim, after + below, rim + below], -1), np.stack([rim, after, after + below], -1)])
     return vertices, np.concatenate([top, top[:, ::-1] + below, sides])
 
 
@@ -89,7 +89,8 @@ def tube(radius: float, low: float, high: float, rings: int, sides: int = 40) ->
     vertices = np.stack([radius * np.cos(aa), radius * np.sin(aa), zz], -1).reshape(-1, 3)
     i, j = np.meshgrid(np.arange(rings - 1), np.arange(sides), indexing="ij")
     p, q = i * sides + j, i * sides + (j + 1) % sides
-    faces = np.concatenate([np.stack([p, q, q + sides], -1).reshape(-1, 3), np.stack([p, q + sides, p + sides], -1).reshape(-1, 3)])
+    faces = np.concatenate([np.stack([p, q, q + sides], -1).reshape(-1, 3),
+                            np.stack([p, q + sides, p + sides], -1).reshape(-1, 3)])
     fan = np.array([[0, k + 1, k] for k in range(1, sides - 1)])
     return vertices, np.concatenate([faces, fan, fan[:, ::-1] + (rings - 1) * sides])
 
