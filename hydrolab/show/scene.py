@@ -49,7 +49,7 @@ from hydrolab.show.scene_settings import SceneSettings, changed
 FAST, SLOW, FEW = 60.0, 30.0, 4  # frames a second, with up to FEW viewers and with more
 EASE = 0.035  # s; what is drawn follows a new orbit with this time constant
 SHARE = 0.28  # of the stator's radius: the gap as it is first drawn
-ARROW = 1.6  # m: the arrow of the largest pull on the orbit
+ARROW = 1.6  # units of the drawing: the arrow of the largest pull on the orbit
 RINGS = 1.25  # of the shaft's radius: the rings are a little wider than what the shaft sweeps, to be seen
 
 
@@ -68,13 +68,12 @@ class MachineScene:
         self.phase = 0.0
         self._lock, self._wake, self._thread = threading.Lock(), threading.Event(), None
         self._stopping = False
-        gap = machine.air_gap
-        steps = SHARE * self.sizes.stator / gap.gap if gap else 200.0
+        scale = self._first_exaggeration()
         self.limits: dict[str, tuple[float, float]] = {
             "static_eccentricity": (0.0, math.floor(1e3 * self.live.reach) / 1e3), "field": FIELDS, "unbalance": UNBALANCES,
-            "exaggeration": (1.0, float(round(1.6 * steps))), "slow_motion": (1.0, 100.0)}
+            "exaggeration": (1.0, 1.6 * scale), "slow_motion": (1.0, 100.0)}
         self.views = views_of(self.sizes)
-        self.settings = self._checked(SceneSettings(exaggeration=float(round(steps))), settings)
+        self.settings = self._checked(SceneSettings(exaggeration=scale), settings)
         self.shown: Shown = self._solved(None)
         self.where = stations(machine, self.shown.orbit)
         self.drawn, self.centre = self.where, np.array(self.shown.orbit.centre)  # what the eye sees, on its way there
@@ -116,10 +115,18 @@ class MachineScene:
     @property
     def reading(self) -> str:
         """What is shown, in words."""
-        return f"{self.shown.words} {reading(self.shown.orbit)} Displacements and gap are drawn " \
+        return f"{self.shown.words} {reading(self.shown.orbit)} Displacements{' and gap' if self.inset else ''} are drawn " \
                f"{self.factor:.0f} times as large, the shaft slim."
 
     # ------------------------------------------------------------------ building
+
+    def _first_exaggeration(self) -> float:
+        """A whole factor that draws the gap, or the largest displacement of a machine without one, to be seen well."""
+        if self.machine.air_gap:
+            return float(round(SHARE * self.sizes.stator / self.machine.air_gap.gap))
+        motion = stations(self.machine, self.live.at(0.0, 0, 1.0, 1.0).orbit).motion(PERIOD)
+        largest = float(np.hypot(motion[:, 0], motion[:, 1]).max())
+        return float(max(round(SHARE * self.sizes.unit / largest), 1)) if largest else 1.0
 
     def _build(self) -> None:
         server, machine, sizes, drawn = self.server, self.machine, self.sizes, self.drawn
@@ -135,8 +142,8 @@ class MachineScene:
         if gap:
             add_stator(server, self.nodes, sizes)
             add_rotor(server, self.nodes, machine, self._rotor_radius())
-            add_pull(server, self.nodes, 0.06)
-        self.inset = add_inset(server, sizes, gap.gap) if gap else None
+            add_pull(server, self.nodes, 0.06 * sizes.unit)
+        self.inset = add_inset(server, sizes, gap.gap, self.settings.dark) if gap else None
         for body in machine.bodies:
             if not (gap and body.name == gap.body):
                 add_body(server, self.nodes, machine, body)
@@ -162,7 +169,7 @@ class MachineScene:
         for name, (vertices, _) in rotor_solids(self.machine, self._rotor_radius()).items():
             self.nodes.meshes[name].vertices = vertices.astype(np.float32)
         self.inset.draw(orbit, self.shown.verdict)
-        self._pull_scale = ARROW / max(float(np.hypot(*self._pull(PERIOD)).max()), 1e-9)
+        self._pull_scale = ARROW * self.sizes.unit / max(float(np.hypot(*self._pull(PERIOD)).max()), 1e-9)
 
     def _pull(self, phase: Any) -> np.ndarray:
         """Pull on the generator at phases of the orbit, N, (2, …)."""
@@ -224,6 +231,8 @@ class MachineScene:
             if wanted.dark != self._applied.dark:
                 self.server.gui.configure_theme(dark_mode=wanted.dark, show_share_button=False, show_logo=False)
                 add_surroundings(self.server, self.sizes, wanted.dark)
+                if self.inset:
+                    self.inset.dress(wanted.dark)
             self._applied = wanted
             self._dress()
         share = 1.0 if self.shown.jumped else 1 - math.exp(-passed / EASE)

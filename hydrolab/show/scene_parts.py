@@ -51,6 +51,11 @@ class Sizes:
     top: float
     bottom: float
 
+    @property
+    def unit(self) -> float:
+        """What stands around the machine grows with it, m: 1 for a unit ten metres high."""
+        return max((self.top - self.bottom) / 10, self.stator / 3)
+
 
 def sizes_of(machine: Machine) -> Sizes:
     """Sizes from the card; a machine without an air gap has a stator radius of 0."""
@@ -67,6 +72,16 @@ def sizes_of(machine: Machine) -> Sizes:
 def disc_radius(body: RigidBody) -> float:
     """Radius of a solid disc with the body's mass and polar inertia, m: the size it is drawn with where none is known."""
     return math.sqrt(2 * body.Ip / body.mass) if body.Ip else 0.5
+
+
+def is_runner(machine: Machine, body: RigidBody) -> bool:
+    """Whether a body is drawn as a Kaplan runner: at the lower end of a shaft that carries a generator."""
+    return machine.air_gap is not None and machine.shaft is not None and body.node == len(machine.shaft.nodes) - 1
+
+
+def drawn_radius(machine: Machine, body: RigidBody) -> float:
+    """How far from the axis a body that is not the generator's rotor is drawn, m."""
+    return (TIP if is_runner(machine, body) else 1.0) * disc_radius(body)
 
 
 @dataclass(eq=False)
@@ -122,7 +137,7 @@ def add_body(server: ViserServer, nodes: Nodes, machine: Machine, body: RigidBod
     """A body that is not the generator: a Kaplan runner at the lower end of the shaft, a disc anywhere else."""
     radius, path = disc_radius(body), f"/bodies/{body.name}"
     nodes.moving[body.name] = server.scene.add_frame(path, show_axes=False)
-    if machine.air_gap and machine.shaft is not None and body.node == len(machine.shaft.nodes) - 1:
+    if is_runner(machine, body):
         outline = [[0.001, -0.95], [0.16, -0.9], [0.42, -0.62], [0.62, -0.25], [0.66, 0.1], [0.58, 0.34], [0.3, 0.46],
                    [0.001, 0.46]]
         hub = solids.swept(np.array(outline) * radius)
