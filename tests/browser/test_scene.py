@@ -18,7 +18,7 @@ viser = pytest.importorskip("viser", reason="viser is in the project's own depen
 BROWSER = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
          "--ignore-gpu-blocklist", "--disable-background-networking", "--no-first-run", "--no-proxy-server"]
-SIZE = {"width": 960, "height": 540}
+SIZE = {"width": 640, "height": 360}
 PICTURES = Path(__file__).resolve().parents[2] / "build" / "pictures"
 BONES = """() => {
   const shaft = window.__viserMutable?.nodeRefFromName?.['/shaft'];
@@ -113,6 +113,8 @@ def test_a_recording_plays_from_disk_without_a_network(browser, scene, tmp_path)
     path_of_all = scene.factor * scene.where.motion(2 * np.pi * np.arange(720) / 720)[:13, :2]
     away = np.abs(found[:, :, None] - path_of_all).max(axis=1)
     assert away.max(axis=0).min() < 5e-3  # all bones are on the orbit, at one and the same phase
+    page.keyboard.press(" ")  # pause; a page that plays leaves a software renderer no time for a picture
+    page.wait_for_timeout(1000)
     picture(page, "recording")
     context.close()
     assert not strangers and not mistakes
