@@ -52,7 +52,8 @@ class MachineView:
 def _hint() -> str:
     """On a hub without the proxy the frame stays empty; say what is missing."""
     if "JUPYTERHUB_SERVICE_PREFIX" in os.environ and importlib.util.find_spec("jupyter_server_proxy") is None:
-        return "<div>The 3D view needs jupyter-server-proxy on a hub: pip install 'hydrolab[hub]', then restart the server.</div>"
+        return ("<div>On a hub the 3D view needs jupyter-server-proxy: pip install 'hydrolab[hub]', "
+                "then restart the server.</div>")
     return ""
 
 

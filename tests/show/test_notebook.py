@@ -69,10 +69,11 @@ def test_an_orbit_at_another_speed_is_shown_at_that_speed(unit):
 
 def test_what_cannot_be_shown_gets_a_sentence(unit, branch, make_jeffcott):
     model = unit.model()
+    solve = HarmonicBalance(harmonics=4).solve
     for what, words in [
         (model, "A Model cannot be shown in 3D; give a machine, an orbit or a branch"),
-        (HarmonicBalance(harmonics=4).solve(model.with_unbalance(0.5), unit.speed, 0.03), "is not of kaplan-150rpm as it stands"),
-        (HarmonicBalance(harmonics=4).solve(make_jeffcott(mass=1e5).model(), unit.speed, 0.03), "is not of jeffcott as it"),
+        (solve(model.with_unbalance(0.5), unit.speed, 0.03), "is not of kaplan-150rpm as it stands"),
+        (solve(make_jeffcott(mass=1e5).model(), unit.speed, 0.03), "is not of jeffcott as it"),
     ]:
         with pytest.raises(BadInput, match=words):
             show(what)
