@@ -125,7 +125,8 @@ def test_nothing_is_printed(capfd):
 def test_ctrl_c_ends_a_program_that_waits(tmp_path):
     program = ("from hydrolab.show.server import open_server\nimport time\n"
                "server = open_server(port=0)\n"
-               "try:\n    print(server.get_port(), flush=True)\n    time.sleep(60)\nexcept KeyboardInterrupt:\n    print('stopped')\n")
+               "try:\n    print(server.get_port(), flush=True)\n    time.sleep(60)\n"
+               "except KeyboardInterrupt:\n    print('stopped')\n")
     process = subprocess.Popen([sys.executable, "-W", "error", "-c", program], stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE, text=True, cwd=tmp_path, env=os.environ | {
                                    "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)})
