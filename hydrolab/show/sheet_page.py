@@ -36,7 +36,8 @@ def sheet_page(sheet: RunSheet, recordings: Sequence[str]) -> str:
         steps.append({"title": step.title, "cue": step.cue, "see": step.see, "ask": step.ask, "scene": found[1],
                       "dark": bool(step.state.get("dark", False))})
     data = json.dumps({"player": base64.b64encode(player.encode()).decode(), "steps": steps}).replace("</", "<\\/")
-    return PAGE.replace("%TITLE%", html.escape(sheet.title)).replace("%DATA%", data)
+    filled = {"%TITLE%": html.escape(sheet.title), "%DATA%": data}
+    return re.sub("|".join(filled), lambda mark: filled[mark[0]], PAGE)
 
 
 def record_sheet(sheet: RunSheet, path: Path, turns: int = 3, *, progress: Callable[[int, int], None] | None = None) -> None:
