@@ -1,4 +1,6 @@
-"""The command `hydrolab`: `lab` opens the course, `book` builds its pages, `study` repeats the paper's study."""
+"""The command `hydrolab`: `lab` opens the course, `book` builds its pages, `study` repeats the paper's study, `show` opens
+the machine in 3D.
+"""
 
 from __future__ import annotations
 
@@ -184,6 +186,16 @@ def book(options: argparse.Namespace) -> int:
     return 0
 
 
+def show(options: argparse.Namespace) -> int:
+    """Show a machine in 3D in the browser, on this computer alone. With --room everyone in the network can watch, and who
+    gives the PIN can change things."""
+    from hydrolab.show.command import find_run_sheet, show_command
+
+    sheet = find_run_sheet(options.run_sheet, find_book() / "instructor") if options.run_sheet else None
+    return show_command(options.card, room=options.room, host=options.host, port=options.port, viewers=options.viewers,
+                        sheet=sheet, record=options.record, browser=not options.no_browser)
+
+
 def port_number(text: str) -> int:
     """Return a port from a command line's text."""
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 65535:
@@ -225,6 +237,21 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("--family", action="store_true", help="judge each claim on the whole family of machines too")
     command.add_argument("--no-figures", action="store_true", help="compute and report, draw nothing")
     command.set_defaults(run=study)
+
+    command = commands.add_parser("show", help="open the machine in 3D", description=show.__doc__)
+    command.add_argument("card", nargs="?", metavar="CARD",
+                         help="name of a shipped machine card or path of your own TOML file (default: kaplan-150rpm)")
+    command.add_argument("--room", action="store_true", help="open it to the network: prints address, QR code and PIN")
+    command.add_argument("--host", metavar="ADDRESS", help="address to listen on (default: 127.0.0.1, with --room the "
+                         "computer's address in its network)")
+    command.add_argument("--port", type=port_number, help="port to listen on (default: 8080 or the next free one)")
+    command.add_argument("--viewers", type=int, default=100, metavar="N",
+                         help="how many may watch at once (default: %(default)s)")
+    command.add_argument("--run-sheet", metavar="NAME", help="steps for the presenter: 5-minutes, 15-minutes, 45-minutes "
+                         "or a TOML file of your own")
+    command.add_argument("--record", type=Path, metavar="FILE.html", help="write a file that plays without a server instead")
+    command.add_argument("--no-browser", action="store_true", help="print the address and open no browser")
+    command.set_defaults(run=show)
     return top
 
 

@@ -30,7 +30,8 @@ class Scene(Protocol):
     """What the panel needs of a scene.
 
     settings: frozen, with the attributes that the controls set. limits: of each number among them. views: camera position
-    and the point it looks at. legs: those that the machine can be in now, from 0. smallest_gap: m, None where there is none.
+    and the point it looks at. legs: those that the machine can be on now, from 0. smallest_gap: m,
+    inf where there is no gap.
     """
 
     settings: Any
@@ -38,7 +39,7 @@ class Scene(Protocol):
     views: Mapping[str, tuple[Point, Point]]
     legs: tuple[int, ...]
     reading: str
-    smallest_gap: float | None
+    smallest_gap: float
 
     def change(self, **settings: Any) -> None:
         """Set settings, clamped to their limits, without waiting for what follows from them."""
@@ -178,7 +179,7 @@ class Controls:
         panel = self.panels[client.client_id] = Panel(client)
         gui = client.gui
         if self.sheet:
-            with gui.add_folder(self.sheet.title, order=3):
+            with gui.add_folder("run sheet", order=3):
                 self._add_sheet(panel, self.sheet)
         with gui.add_folder("machine", order=4):
             for slider in MACHINE:
@@ -243,8 +244,8 @@ class Controls:
 
     def _add_sheet(self, panel: Panel, sheet: RunSheet) -> None:
         gui = panel.client.gui
+        turn = gui.add_button_group("go to", ("back", "again", "next"))
         words = gui.add_html(presenter_words(sheet, self.place))
-        turn = gui.add_button_group("run sheet", ("back", "again", "next"))
 
         @turn.on_click
         async def turned(event: GuiEvent) -> None:

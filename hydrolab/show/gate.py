@@ -34,6 +34,7 @@ from viser._messages import (
     GuiUpdateMessage,
     NotificationProps,
     NotificationShowMessage,
+    ThemeConfigurationMessage,
     ViewerCameraMessage,
 )
 from viser.infra import Message, WebsockClientConnection
@@ -44,6 +45,7 @@ from websockets.exceptions import ConnectionClosed
 LARGEST_MESSAGE = 16 * 1024  # bytes; a camera message has about 400
 MOST_A_SECOND = 500  # messages of one client; a browser that turns its camera sends about 60
 LONGEST_TEXT = 64  # characters in a text field
+OWN = 5  # places kept for pages on the server's own computer, so that nobody can keep the presenter out
 
 
 def in_range(handle: Any, value: Any) -> bool:
@@ -79,11 +81,12 @@ def is_camera(message: ViewerCameraMessage) -> bool:
             and not np.array_equal(vectors["look_at"], vectors["position"]))
 
 
-def is_own_page(host: str | None, origin: str | None) -> bool:
-    """Whether a browser's request comes from this server's own page.
+def is_own_page(host: str | None, origin: str | None, own: str) -> bool:
+    """Whether a browser's request comes from this server's own page. own: the name or address it listens on.
 
-    Any page in a browser may open a connection to 127.0.0.1; its Origin gives it away. A name other than localhost in
-    Host is a name that someone else's name server may have pointed here. Programs that are no browser send no Origin.
+    Any page in a browser may open a connection to 127.0.0.1; its Origin gives it away. A name other than localhost or the
+    server's own in Host is one that someone else's name server may have pointed here. Programs that are no browser send
+    no Origin.
     """
     if origin is None:
         return True
@@ -91,7 +94,7 @@ def is_own_page(host: str | None, origin: str | None) -> bool:
     try:
         ip_address(name)
     except ValueError:
-        if name != "localhost":
+        if name not in ("localhost", own.lower()):
             return False
     return urlsplit(origin).netloc == host
 
@@ -116,20 +119,22 @@ class Gate:
         connection.protocol.max_message_size = LARGEST_MESSAGE
         client._handle_incoming_message = self._hearer(client, connection, client._handle_incoming_message)
         headers = connection.request.headers
-        if not self.behind_proxy and not is_own_page(headers.get("Host"), headers.get("Origin")):
+        places = self.viewers + OWN * (connection.remote_address[0] == connection.local_address[0])
+        if not self.behind_proxy and not is_own_page(headers.get("Host"), headers.get("Origin"), self._web._host):
             await connection.close(1008, "This page may not connect here.")
-        elif len(self._web._live_connections) > 2 * self.viewers:
+        elif len(self._web._live_connections) > self.viewers + places:
             await connection.close(1013, "Too many are waiting.")
-        elif len(self.inside) >= self.viewers:
-            await self._wait(client, connection)
+        elif len(self.inside) >= places:
+            await self._wait(client, connection, places)
         else:
             self.inside.add(client.client_id)
 
     async def _leave(self, client: WebsockClientConnection) -> None:
         self.inside.discard(client.client_id)
 
-    async def _wait(self, client: WebsockClientConnection, connection: ServerConnection) -> None:
+    async def _wait(self, client: WebsockClientConnection, connection: ServerConnection, places: int) -> None:
         """Say that all places are taken, and close when one is free: the browser then comes again by itself."""
+        client.queue_message(ThemeConfigurationMessage(None, "floating", "medium", False, False, False, None))
         client.queue_message(NotificationShowMessage("full", NotificationProps(
             title=f"All {self.viewers} places are taken",
             body="This page opens by itself when someone leaves.", loading=True, with_close_button=False,
@@ -137,7 +142,7 @@ class Gate:
         sender = asyncio.create_task(_message_producer(connection, client.get_message_buffer(), client.client_id))
         listener = asyncio.create_task(heard_by_nobody(connection))
         try:
-            while len(self.inside) >= self.viewers and not listener.done():
+            while len(self.inside) >= places and not listener.done():
                 await asyncio.sleep(0.2)
             await connection.close(1013, "A place is free.")
         finally:

@@ -59,7 +59,9 @@ class LiveOrbit:
         with threadpool_limits(1):
             if self.legs is None:
                 orbit = self.balance.solve(self.model.with_unbalance(unbalance), self.machine.speed)
-                return Shown(orbit, 0, "stable", "There is no air gap, so no pull: a linear rotor with its unbalance.")
+                turned = any(body.unbalance for body in self.machine.bodies)
+                return Shown(orbit, 0, "stable", "The card has no air gap, so no pull: a linear rotor with its unbalance."
+                             if turned else "The card has neither air gap nor unbalance: the shaft turns straight.")
             try:
                 self._strengthen(field, unbalance)
             except (NoConvergence, Contact, BadInput):

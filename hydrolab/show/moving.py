@@ -66,9 +66,17 @@ class Legs:
 
     def verdict(self, orbit: PeriodicOrbit, leg: int) -> str:
         """The verdict on the nearest point of a leg to an orbit of it."""
+        return self._verdict_at(orbit.static_eccentricity, leg)
+
+    def _verdict_at(self, eccentricity: float, leg: int) -> str:
         rows = range(*self.all[leg].rows.indices(len(self.branch)))
-        away = np.abs(self.branch.static_eccentricity[rows.start:rows.stop] - orbit.static_eccentricity)
+        away = np.abs(self.branch.static_eccentricity[rows.start:rows.stop] - eccentricity)
         return self.words[rows.start + int(np.argmin(away))] if len(away) else "unknown"
+
+    def stable_at(self, eccentricity: float) -> tuple[int, ...]:
+        """The legs (0 is the first) that a machine can be on at an eccentricity, by their nearest points."""
+        return tuple(i for i, leg in enumerate(self.all)
+                     if leg.holds(eccentricity) and self._verdict_at(eccentricity, i) == "stable")
 
     def lines(self, number, per_branch: int = 240) -> dict[str, tuple[NDArray, NDArray]]:
         """For each verdict, eccentricity (%) and `number` of the coefficients, with nan between stretches."""

@@ -95,11 +95,19 @@ def drawn_rotor_radius(stator_radius: float, gap: float, factor: float) -> float
     return stator_radius - factor * gap
 
 
-def orbit_lines(where: Stations, factor: float, points: int = 96) -> tuple[NDArray, NDArray]:
-    """The orbits of all stations as line segments, (S · points, 2, 3), and how far from rest each of their ends is, m."""
-    path = where.motion(2 * np.pi * np.arange(points + 1) / points)[:, :2]
-    place = np.stack([factor * path[:, 0], factor * path[:, 1],
-                      np.broadcast_to(-where.depths[:, None], path[:, 0].shape)], axis=-1)
-    away = np.hypot(path[:, 0], path[:, 1])
+def orbit_rings(where: Stations, factor: float, radius: float, points: int = 96) -> tuple[NDArray, NDArray]:
+    """What a shaft of the drawn `radius` (m) sweeps at each node in a turn, and how far from rest that takes its axis, m.
+
+    Line segments (nodes · points, 2, 3) and distances (nodes · points, 2). A drawn shaft hides its axis' orbit, so this is
+    the orbit's convex outline grown by the radius: in each direction the farthest point of the orbit, and the radius on.
+    """
+    path = where.motion(PERIOD)[:where.nodes, :2]
+    angle = 2 * np.pi * np.arange(points + 1) / points
+    towards = np.stack([np.cos(angle), np.sin(angle)])
+    farthest = np.argmax(np.einsum("ncp,ca->nap", path, towards), axis=2)
+    reached = np.take_along_axis(path, farthest[:, None, :], axis=2)
+    place = np.stack([*(factor * reached + radius * towards).transpose(1, 0, 2),
+                      np.broadcast_to(-where.depths[:where.nodes, None], farthest.shape)], axis=-1)
+    away = np.hypot(reached[:, 0], reached[:, 1])
     return (np.stack([place[:, :-1], place[:, 1:]], axis=2).reshape(-1, 2, 3),
             np.stack([away[:, :-1], away[:, 1:]], axis=2).reshape(-1, 2))

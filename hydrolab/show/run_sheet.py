@@ -16,13 +16,14 @@ from hydrolab.errors import BadInput
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
 from hydrolab.machine.vary import vary
+from hydrolab.show.live_orbit import FIELDS, UNBALANCES
 from hydrolab.show.moving import Legs, legs_of
 from hydrolab.show.readings import second_share
 
-VIEWS = ("whole machine", "generator", "from above")
+VIEWS = ("machine", "air gap", "lower end")
 SWITCHES = ("playing", "names", "dark")
-NUMBERS = {"eccentricity": (0.0, 100.0), "orbit": (1, 9), "field": (0.5, 1.5), "unbalance": (0.0, 3.0),
-           "exaggeration": (1.0, 1000.0), "slow_motion": (1.0, 1000.0)}
+NUMBERS = {"eccentricity": (0.0, 100.0), "orbit": (1, 9), "field": FIELDS, "unbalance": UNBALANCES,
+           "exaggeration": (1.0, 1000.0), "slow_motion": (1.0, 100.0)}
 WORDS = ("title", "camera", "cue", "see", "ask")
 START = {"eccentricity": 0.0, "orbit": 1, "field": 1.0, "unbalance": 1.0, "playing": True}
 

@@ -11,66 +11,46 @@ import math
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from viser import ViserServer
 
 from hydrolab.dynamics.results import Branch
-from hydrolab.errors import BadInput
 from hydrolab.machine.parts import Machine
-from hydrolab.show.live_orbit import FIELDS, UNBALANCES, LiveOrbit, Shown, gap_words
+from hydrolab.show.live_orbit import FIELDS, UNBALANCES, LiveOrbit, Shown
 from hydrolab.show.poses import (
+    PERIOD,
     drawn_rotor_radius,
     largest_exaggeration,
-    orbit_lines,
+    orbit_rings,
     positions,
     quaternions,
     stations,
 )
 from hydrolab.show.readings import reading
+from hydrolab.show.scene_around import LENS, add_inset, add_names, add_surroundings, views_of
 from hydrolab.show.scene_parts import (
-    AZIMUTH,
-    INSET,
-    LEFT,
     Nodes,
     add_bearings,
     add_body,
     add_collars,
-    add_inset,
     add_pull,
     add_rotor,
     add_shaft,
     add_stator,
-    add_surroundings,
     orbit_colours,
     rotor_solids,
     sizes_of,
 )
+from hydrolab.show.scene_settings import SceneSettings, changed
 
 FAST, SLOW, FEW = 60.0, 30.0, 4  # frames a second, with up to FEW viewers and with more
 EASE = 0.035  # s; what is drawn follows a new orbit with this time constant
 SHARE = 0.28  # of the stator's radius: the gap as it is first drawn
-ARROW = 1.6  # m: the arrow of the largest pull on the orbit
-
-
-@dataclass(frozen=True)
-class SceneSettings:
-    """What the 3D machine shows. static_eccentricity: fraction of the gap. leg: of the branch, 0 is the first. field,
-    unbalance: factors on the card's. exaggeration: of displacements and gap. slow_motion: how many times slower than the
-    machine. view: name of the first view."""
-
-    static_eccentricity: float = 0.0
-    leg: int = 0
-    field: float = 1.0
-    unbalance: float = 1.0
-    exaggeration: float = 50.0
-    slow_motion: float = 8.0
-    playing: bool = True
-    names: bool = True
-    dark: bool = False
-    view: str = "machine"
+ARROW = 1.6  # units of the drawing: the arrow of the largest pull on the orbit
+RINGS = 1.25  # of the shaft's radius: the rings are a little wider than what the shaft sweeps, to be seen
 
 
 class MachineScene:
@@ -88,13 +68,12 @@ class MachineScene:
         self.phase = 0.0
         self._lock, self._wake, self._thread = threading.Lock(), threading.Event(), None
         self._stopping = False
-        gap = machine.air_gap
-        steps = SHARE * self.sizes.stator / gap.gap if gap else 200.0
+        scale = self._first_exaggeration()
         self.limits: dict[str, tuple[float, float]] = {
             "static_eccentricity": (0.0, math.floor(1e3 * self.live.reach) / 1e3), "field": FIELDS, "unbalance": UNBALANCES,
-            "exaggeration": (1.0, float(round(1.6 * steps))), "slow_motion": (1.0, 100.0)}
-        self.views = _views(self.sizes.top, self.sizes.bottom, self.sizes.stator or 1.5)
-        self.settings = self._checked(SceneSettings(exaggeration=float(round(steps))), settings)
+            "exaggeration": (1.0, 1.6 * scale), "slow_motion": (1.0, 100.0)}
+        self.views = views_of(self.sizes)
+        self.settings = self._checked(SceneSettings(exaggeration=scale), settings)
         self.shown: Shown = self._solved(None)
         self.where = stations(machine, self.shown.orbit)
         self.drawn, self.centre = self.where, np.array(self.shown.orbit.centre)  # what the eye sees, on its way there
@@ -125,27 +104,8 @@ class MachineScene:
         if self._thread is None:
             self.draw(self.phase)
 
-    def _checked(self, now: SceneSettings, wanted: dict[str, Any]) -> SceneSettings:
-        clean: dict[str, Any] = {}
-        for name, value in wanted.items():
-            own = getattr(now, name, None)
-            if own is None:
-                raise BadInput(f"{name!r} is no setting of the 3D view; there are {', '.join(vars(now))}.")
-            if name == "view" and value not in self.views:
-                raise BadInput(f"view is {value!r}; there are {', '.join(self.views)}.")
-            if isinstance(own, bool) != isinstance(value, bool) or isinstance(own, str) != isinstance(value, str):
-                kind = "true or false" if isinstance(own, bool) else "a number"
-                raise BadInput(f"{name} is {value!r}; it must be {kind}.")
-            if isinstance(own, float):
-                if not isinstance(value, (int, float, np.number)) or not math.isfinite(value):
-                    raise BadInput(f"{name} is {value!r}; it must be a finite number.")
-                value = float(np.clip(value, *self.limits[name]))
-            elif name == "leg":
-                if not isinstance(value, (int, float, np.number)) or value != int(value):
-                    raise BadInput(f"leg is {value!r}; it must be a whole number.")
-                value = int(np.clip(value, 0, len(self.live.legs.all) - 1 if self.live.legs else 0))
-            clean[name] = value
-        return replace(now, **clean)
+    def _checked(self, settings: SceneSettings, wanted: dict[str, Any]) -> SceneSettings:
+        return changed(settings, wanted, self.limits, self.views, len(self.live.legs.all) if self.live.legs else 1)
 
     @property
     def smallest_gap(self) -> float:
@@ -155,54 +115,39 @@ class MachineScene:
     @property
     def reading(self) -> str:
         """What is shown, in words."""
-        return f"{self.shown.words} {reading(self.shown.orbit)} Displacements and gap are drawn " \
+        return f"{self.shown.words} {reading(self.shown.orbit)} Displacements{' and gap' if self.inset else ''} are drawn " \
                f"{self.factor:.0f} times as large, the shaft slim."
 
     # ------------------------------------------------------------------ building
 
+    def _first_exaggeration(self) -> float:
+        """A whole factor that draws the gap, or the largest displacement of a machine without one, to be seen well."""
+        if self.machine.air_gap:
+            return float(round(SHARE * self.sizes.stator / self.machine.air_gap.gap))
+        motion = stations(self.machine, self.live.at(0.0, 0, 1.0, 1.0).orbit).motion(PERIOD)
+        largest = float(np.hypot(motion[:, 0], motion[:, 1]).max())
+        return float(max(round(SHARE * self.sizes.unit / largest), 1)) if largest else 1.0
+
     def _build(self) -> None:
-        server, machine, sizes = self.server, self.machine, self.sizes
+        server, machine, sizes, drawn = self.server, self.machine, self.sizes, self.drawn
         server.gui.configure_theme(dark_mode=self.settings.dark, show_share_button=False, show_logo=False)
-        position, look_at = self.views[self.settings.view]
-        server.initial_camera.position, server.initial_camera.look_at = position, look_at
+        camera = server.initial_camera
+        camera.position, camera.look_at = self.views[self.settings.view]
+        camera.fov = LENS
         add_surroundings(server, sizes, self.settings.dark)
-        add_shaft(server, self.nodes, self.drawn.depths[:self.drawn.nodes], sizes.shaft)
+        add_shaft(server, self.nodes, drawn.depths[:drawn.nodes], sizes.shaft)
         add_bearings(server, machine, sizes)
         add_collars(server, self.nodes, machine, sizes)
-        if machine.air_gap:
+        gap = machine.air_gap
+        if gap:
             add_stator(server, self.nodes, sizes)
             add_rotor(server, self.nodes, machine, self._rotor_radius())
-            add_pull(server, self.nodes, 0.05)
-            add_inset(server, self.nodes, sizes)
+            add_pull(server, self.nodes, 0.06 * sizes.unit)
+        self.inset = add_inset(server, sizes, gap.gap, self.settings.dark) if gap else None
         for body in machine.bodies:
-            if not (machine.air_gap and body.name == machine.air_gap.body):
+            if not (gap and body.name == gap.body):
                 add_body(server, self.nodes, machine, body)
-        self._add_names()
-
-    def _add_names(self) -> None:
-        def name(text: str, position: Any, scale: float = 1.0, anchor: str = "center-left") -> Any:
-            label = self.server.scene.add_label(f"/names/{text}", text, position=tuple(position), anchor=anchor,
-                                                font_screen_scale=scale)
-            self.nodes.names.append(label)
-            return label
-
-        machine, sizes, right = self.machine, self.sizes, -LEFT
-        gap = machine.air_gap
-        for body in machine.bodies:
-            depth = self.drawn.depths[self.drawn.nodes + machine.bodies.index(body)]
-            reach = 1.22 * sizes.stator if gap and body.name == gap.body else 1.6
-            name(body.name, right * reach + [0, 0, -depth])
-        if machine.shaft is not None:
-            for bearing in (*machine.bearings, *machine.thrust_bearings):
-                name(bearing.name, right * 5.0 * sizes.shaft + [0, 0, -float(machine.shaft.nodes[bearing.node])])
-        if gap:
-            name("stator, cut away", LEFT * 1.22 * sizes.stator + [0, 0, 0.5], anchor="center-right")
-            foot = LEFT * (0.62 * (sizes.top - sizes.bottom) + 0.2) + [0, 0, sizes.bottom + 2.2]
-            name(f"orbit in its gap of {1e3 * gap.gap:.3g} mm", foot + [0, 0, -INSET - 0.35], 0.9, "center-center")
-            self.big = self.server.scene.add_label("/gap", "", position=tuple(foot + [0, 0, INSET + 0.55]),
-                                                   font_screen_scale=1.7, anchor="center-center")
-        self.small = self.server.scene.add_label("/scale", "", position=(0.0, 0.0, sizes.bottom - 1.75),
-                                                 font_screen_scale=0.9, anchor="center-center")
+        self.names = add_names(server, machine, sizes, drawn.depths[drawn.nodes:])
 
     def _rotor_radius(self) -> float:
         return drawn_rotor_radius(self.sizes.stator, self.machine.air_gap.gap, self.factor)
@@ -213,27 +158,18 @@ class MachineScene:
 
     def _dress(self) -> None:
         """Everything that changes with a setting and not with time."""
-        orbit, gap = self.shown.orbit, self.machine.air_gap
+        orbit = self.shown.orbit
         factor = self.factor = self._drawn_factor()
-        lines, away = orbit_lines(self.where, factor)
-        largest = float(away.max())
-        self.server.scene.add_line_segments("/orbits", lines.astype(np.float32), orbit_colours(away, largest), thickness=4.0,
-                                            thickness_units="screen")
-        self.small.text = f"displacements and gap × {factor:.0f}, {self.settings.slow_motion:.0f} times slower"
-        for label in self.nodes.names:
-            label.visible = self.settings.names
-        if not gap:
+        rings, away = orbit_rings(self.where, factor, RINGS * self.sizes.shaft)
+        self.server.scene.add_line_segments("/orbits", rings.astype(np.float32), orbit_colours(away, float(away.max())),
+                                            thickness=5.0, thickness_units="screen")
+        self.names.say(orbit, factor, self.settings.slow_motion, self.settings.names)
+        if self.inset is None:
             return
         for name, (vertices, _) in rotor_solids(self.machine, self._rotor_radius()).items():
             self.nodes.meshes[name].vertices = vertices.astype(np.float32)
-        self.big.text = f"smallest gap {gap_words(orbit)}"
-        turn = 2 * np.pi * np.arange(193) / 192
-        inside = (orbit.positions(turn) - orbit.centre[:, None]) * INSET / gap.gap
-        path = np.column_stack([*inside, np.full(193, 0.01)])
-        colour = {"stable": (0.0, 0.62, 0.45), "unstable": (0.835, 0.369, 0.0)}.get(self.shown.verdict, (0.5, 0.5, 0.5))
-        self.server.scene.add_line_segments("/inset/orbit", np.stack([path[:-1], path[1:]], 1).astype(np.float32),
-                                            tuple(round(255 * c) for c in colour), thickness=4.0, thickness_units="screen")
-        self._pull_scale = ARROW / max(float(np.hypot(*self._pull(turn)).max()), 1e-9)
+        self.inset.draw(orbit, self.shown.verdict)
+        self._pull_scale = ARROW * self.sizes.unit / max(float(np.hypot(*self._pull(PERIOD)).max()), 1e-9)
 
     def _pull(self, phase: Any) -> np.ndarray:
         """Pull on the generator at phases of the orbit, N, (2, …)."""
@@ -269,8 +205,7 @@ class MachineScene:
         at = self.drawn.nodes + names.index(machine.air_gap.body)
         depth = -self.drawn.depths[at]
         moving["stator"].position = (factor * self.centre[0], factor * self.centre[1], depth)
-        x, z = self.drawn.motion(phase)[at, :2] - self.centre
-        moving["dot"].position = (x * INSET / machine.air_gap.gap, z * INSET / machine.air_gap.gap, 0.02)
+        self.inset.dot.position = self.inset.place(self.drawn.motion(phase)[at, :2] - self.centre)
         fx, fz = self._pull_scale * self._pull(phase)[:, 0]
         length, angle = math.hypot(fx, fz), math.atan2(fz, fx)
         tail = places[at] + [0, 0, 0.78 * machine.air_gap.length]
@@ -288,17 +223,33 @@ class MachineScene:
         with self._lock:
             wanted = self.settings
         if wanted != self._applied:
-            if _solve_for(wanted) != _solve_for(self._applied):
+            if wanted.solved_for != self._applied.solved_for:
                 self.shown = self._solved(self.shown)
+                if self.shown.jumped:  # it stays where it jumped to: lowering the eccentricity again does not bring it back
+                    wanted = self._stay(wanted, self.shown.leg)
                 self.where = stations(self.machine, self.shown.orbit)
             if wanted.dark != self._applied.dark:
                 self.server.gui.configure_theme(dark_mode=wanted.dark, show_share_button=False, show_logo=False)
                 add_surroundings(self.server, self.sizes, wanted.dark)
+                if self.inset:
+                    self.inset.dress(wanted.dark)
             self._applied = wanted
             self._dress()
         share = 1.0 if self.shown.jumped else 1 - math.exp(-passed / EASE)
         self.drawn = self.drawn.towards(self.where, share)
         self.centre = (1 - share) * self.centre + share * self.shown.orbit.centre
+
+    def _stay(self, wanted: SceneSettings, leg: int) -> SceneSettings:
+        """Settings with the leg that the machine jumped to, unless something else was set meanwhile."""
+        with self._lock:
+            if self.settings == wanted:
+                self.settings = replace(wanted, leg=leg)
+            return replace(wanted, leg=leg)
+
+    @property
+    def legs(self) -> tuple[int, ...]:
+        """The legs of the branch that the machine can be on at the present eccentricity."""
+        return self.live.legs.stable_at(self.settings.static_eccentricity) if self.live.legs else ()
 
     def run(self) -> None:
         """Start the loop that moves the machine; it ends with `stop`."""
@@ -338,21 +289,3 @@ class MachineScene:
         finally:
             if running:
                 self.run()
-
-
-def _solve_for(settings: SceneSettings) -> tuple[float, int, float, float]:
-    """The settings on which the orbit depends."""
-    return settings.static_eccentricity, settings.leg, settings.field, settings.unbalance
-
-
-def _views(top: float, bottom: float, radius: float) -> dict[str, tuple[tuple[float, ...], tuple[float, ...]]]:
-    """Position and look-at of each view: the whole machine, the air gap from above, the lower end."""
-    height = top - bottom
-
-    def seen(distance: float, up: float, at: float, aside: float = 0.0) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        away = np.array([math.cos(AZIMUTH), math.sin(AZIMUTH), 0.0])
-        centre = aside * LEFT + [0, 0, at]
-        return tuple(centre + distance * away + [0, 0, up]), tuple(centre)
-
-    return {"machine": seen(0.86 * height + 1.2, 0.88 * height, bottom + 0.47 * height, -0.12 * height),
-            "air gap": seen(1.9 * radius, 1.5 * radius, top - 0.2), "lower end": seen(4.6, 1.8, bottom + 0.8)}

@@ -1,4 +1,4 @@
-"""The nodes of the 3D machine: what stands still, what moves by its pose, lights, names and the orbit's inset."""
+"""The parts of the 3D machine as nodes of the scene: what stands still and what moves by its pose."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ AZIMUTH = math.radians(-58)  # where the camera of the first view stands, and wi
 CUT = math.radians(50)  # half of the sector that is cut away
 BLADES = 5
 LEFT = np.array([math.sin(AZIMUTH), -math.cos(AZIMUTH), 0.0])  # to the left of the first view
-INSET = 2.1  # m; radius of the gap circle in the inset
-SPREAD = 1.6  # of the largest displacement: the end of the orbits' colours
+TIP = 1.75  # a runner's blades reach so far beyond the solid disc of its mass and inertia
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
@@ -36,6 +35,12 @@ def linear_rgb(colours: NDArray) -> NDArray:
     return np.round(255 * np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)).astype(np.uint8)
 
 
+def orbit_colours(away: NDArray, largest: float) -> NDArray:
+    """Colours of points that are so far from rest, m: from dark violet to orange, never near white."""
+    share = np.clip(away / largest if largest else away, 0, 1)
+    return linear_rgb(colormaps["inferno"](0.15 + 0.63 * share)[..., :3])
+
+
 @dataclass(frozen=True)
 class Sizes:
     """Sizes of the drawing, m: inner radius of the stator, height of the rotor, radius of the slim shaft, top and bottom."""
@@ -45,6 +50,11 @@ class Sizes:
     shaft: float
     top: float
     bottom: float
+
+    @property
+    def unit(self) -> float:
+        """What stands around the machine grows with it, m: 1 for a unit ten metres high."""
+        return max((self.top - self.bottom) / 10, self.stator / 3)
 
 
 def sizes_of(machine: Machine) -> Sizes:
@@ -64,12 +74,21 @@ def disc_radius(body: RigidBody) -> float:
     return math.sqrt(2 * body.Ip / body.mass) if body.Ip else 0.5
 
 
+def is_runner(machine: Machine, body: RigidBody) -> bool:
+    """Whether a body is drawn as a Kaplan runner: at the lower end of a shaft that carries a generator."""
+    return machine.air_gap is not None and machine.shaft is not None and body.node == len(machine.shaft.nodes) - 1
+
+
+def drawn_radius(machine: Machine, body: RigidBody) -> float:
+    """How far from the axis a body that is not the generator's rotor is drawn, m."""
+    return (TIP if is_runner(machine, body) else 1.0) * disc_radius(body)
+
+
 @dataclass(eq=False)
 class Nodes:
-    """Handles of what changes: meshes by name, names (labels), and whatever moves by its pose."""
+    """Handles of what changes: meshes by name, and whatever moves by its pose."""
 
     meshes: dict[str, Any] = field(default_factory=dict)
-    names: list[Any] = field(default_factory=list)
     moving: dict[str, Any] = field(default_factory=dict)
 
 
@@ -90,42 +109,49 @@ def rotor_solids(machine: Machine, radius: float) -> dict[str, solids.Solid]:
 def add_rotor(server: ViserServer, nodes: Nodes, machine: Machine, radius: float) -> None:
     """The generator's rotor; its meshes are replaced when the exaggeration changes."""
     nodes.moving[machine.air_gap.body] = server.scene.add_frame("/rotor", show_axes=False)
-    colours = {"rim": COLOURS["axis"], "spider": "#8FA3B3", "poles": "#0072B2", "other poles": "#56B4E9",
+    colours = {"rim": "#3A4656", "spider": "#8FA3B3", "poles": "#0072B2", "other poles": "#56B4E9",
                "painted pole": COLOURS["unstable"]}
     for name, solid in rotor_solids(machine, radius).items():
         nodes.meshes[name] = server.scene.add_mesh_simple(f"/rotor/{name}", *solid, color=rgb(colours[name]),
-                                                          flat_shading=True, side="double")
+                                                          flat_shading=True, receive_shadow=False)
 
 
 def add_stator(server: ViserServer, nodes: Nodes, sizes: Sizes) -> None:
-    """The stator, cut away towards the first view: a clear wall between dark rims."""
+    """The stator, cut away towards the first view: a clear wall between dark rims, and the ends of its copper winding."""
     inner, outer, half = sizes.stator, 1.16 * sizes.stator, 0.62 * sizes.height
     start, end = AZIMUTH + CUT, AZIMUTH + 2 * math.pi - CUT
     nodes.moving["stator"] = server.scene.add_frame("/stator", show_axes=False)
+    rim, coil = 0.05 * sizes.height, 0.16 * sizes.height
     wall = solids.ring(inner, outer, -half, half, start, end, 96)
-    rims = [solids.ring(inner, outer, z, z + 0.05, start, end, 96) for z in (-half - 0.05, half)]
-    server.scene.add_mesh_simple("/stator/wall", *wall, color=(72, 96, 130), opacity=0.34, side="double", flat_shading=True,
-                                 cast_shadow=False)
-    server.scene.add_mesh_simple("/stator/rims", *solids.joined(*rims), color=(28, 42, 62), side="double", flat_shading=True)
+    rims = [solids.ring(inner, outer, z, z + rim, start, end, 96) for z in (-half - rim, half)]
+    low, high = 1.02 * inner, 1.07 * inner
+    coils = [solids.swept(np.array([[low, z], [high, z], [high + 0.01 * inner, z + coil], [low + 0.01 * inner, z + coil]]),
+                          start + 0.02, end - 0.02, 96) for z in (-half - rim - coil, half + rim)]
+    still = {"flat_shading": True, "receive_shadow": False}
+    server.scene.add_mesh_simple("/stator/wall", *wall, color=(72, 96, 130), opacity=0.38, cast_shadow=False, **still)
+    server.scene.add_mesh_simple("/stator/rims", *solids.joined(*rims), color=(28, 42, 62), **still)
+    server.scene.add_mesh_simple("/stator/winding", *solids.joined(*coils), color=(184, 104, 52), **still)
 
 
 def add_body(server: ViserServer, nodes: Nodes, machine: Machine, body: RigidBody) -> None:
     """A body that is not the generator: a Kaplan runner at the lower end of the shaft, a disc anywhere else."""
     radius, path = disc_radius(body), f"/bodies/{body.name}"
     nodes.moving[body.name] = server.scene.add_frame(path, show_axes=False)
-    if machine.air_gap and machine.shaft is not None and body.node == len(machine.shaft.nodes) - 1:
-        outline = [[0.001, -0.62], [0.3, -0.5], [0.46, -0.15], [0.46, 0.28], [0.3, 0.42], [0.001, 0.42]]
+    if is_runner(machine, body):
+        outline = [[0.001, -0.95], [0.16, -0.9], [0.42, -0.62], [0.62, -0.25], [0.66, 0.1], [0.58, 0.34], [0.3, 0.46],
+                   [0.001, 0.46]]
         hub = solids.swept(np.array(outline) * radius)
-        plate = solids.blade(0.36 * radius, radius, 0.5)
+        plate = solids.blade(0.5 * radius, TIP * radius, 0.32)
         around = [solids.turned(plate, 2 * math.pi * k / BLADES) for k in range(BLADES)]
-        server.scene.add_mesh_simple(f"{path}/hub", *hub, color=(60, 120, 108), side="double")
+        server.scene.add_mesh_simple(f"{path}/hub", *hub, color=(66, 84, 92), receive_shadow=False)
         server.scene.add_mesh_simple(f"{path}/blades", *solids.joined(*around[1:]), color=rgb(COLOURS["stable"]),
-                                     side="double")
-        server.scene.add_mesh_simple(f"{path}/painted", *around[0], color=rgb(COLOURS["unstable"]), side="double")
+                                     side="double", receive_shadow=False)
+        server.scene.add_mesh_simple(f"{path}/painted", *around[0], color=rgb(COLOURS["unstable"]), side="double",
+                                     receive_shadow=False)
         return
     thick = max(0.06 * radius, 0.02)
     server.scene.add_mesh_simple(f"{path}/disc", *solids.ring(0.001, radius, -thick, thick), color=rgb(COLOURS["rotor"]),
-                                 side="double", flat_shading=True)
+                                 flat_shading=True, receive_shadow=False)
     mark = solids.box(0.55 * radius, 0.44 * radius, 0.16 * radius, -1.05 * thick, 1.05 * thick)
     server.scene.add_mesh_simple(f"{path}/mark", *mark, color=rgb(COLOURS["unstable"]), flat_shading=True)
 
@@ -139,7 +165,7 @@ def add_shaft(server: ViserServer, nodes: Nodes, depths: NDArray, radius: float)
     rest = np.column_stack([np.zeros((len(depths), 2)), -depths])
     nodes.moving["shaft"] = server.scene.add_mesh_skinned(
         "/shaft", vertices.astype(np.float32), faces.astype(np.uint32), bone_wxyzs=upright, bone_positions=rest,
-        skin_weights=weights.astype(np.float32), color=(150, 162, 176), opacity=0.7)
+        skin_weights=weights.astype(np.float32), color=(164, 174, 186), receive_shadow=False)
 
 
 def add_bearings(server: ViserServer, machine: Machine, sizes: Sizes) -> None:
@@ -154,14 +180,14 @@ def add_bearings(server: ViserServer, machine: Machine, sizes: Sizes) -> None:
         housing = solids.joined(solids.ring(3.0 * r, 3.9 * r, -1.3 * r, 1.3 * r, start, end))
         path = f"/bearings/{bearing.name}"
         server.scene.add_mesh_simple(f"{path}/pads", *solids.moved(solids.joined(*pads), z=z), color=(214, 158, 36),
-                                     flat_shading=True, side="double")
+                                     flat_shading=True, receive_shadow=False)
         server.scene.add_mesh_simple(f"{path}/housing", *solids.moved(housing, z=z), color=(110, 118, 128),
-                                     flat_shading=True, side="double")
+                                     flat_shading=True, receive_shadow=False)
     for bearing in machine.thrust_bearings:
         z = -float(machine.shaft.nodes[bearing.node])
         ring = solids.moved(solids.ring(1.9 * r, 4.6 * r, -1.4 * r, -0.6 * r, start, end), z=z)
         server.scene.add_mesh_simple(f"/bearings/{bearing.name}", *ring, color=(150, 110, 40), flat_shading=True,
-                                     side="double")
+                                     receive_shadow=False)
 
 
 def add_collars(server: ViserServer, nodes: Nodes, machine: Machine, sizes: Sizes) -> None:
@@ -185,51 +211,3 @@ def add_pull(server: ViserServer, nodes: Nodes, radius: float) -> None:
         "/pull", vertices.astype(np.float32), faces.astype(np.uint32), bone_wxyzs=upright,
         bone_positions=np.array([[0.0, 0, 0], [1.0, 0, 0], [0.0, 0, 0], [0.0, 0, 0]]),
         skin_weights=weights.astype(np.float32), color=rgb(COLOURS["1X"]), side="double")
-
-
-def add_inset(server: ViserServer, nodes: Nodes, sizes: Sizes) -> None:
-    """Beside the machine: the gap circle seen from above, x to the right and z up, for the orbit and a dot on it."""
-    turn = np.column_stack([-LEFT, [0.0, 0.0, 1.0], np.cross(-LEFT, [0.0, 0.0, 1.0])])
-    place = LEFT * (0.62 * (sizes.top - sizes.bottom) + 0.2) + [0, 0, sizes.bottom + 2.2]
-    server.scene.add_frame("/inset", show_axes=False, wxyz=quaternion(turn), position=place)
-    angle = np.linspace(0, 2 * np.pi, 97)
-    circle = INSET * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
-    cross = np.array([[[-0.1, 0, 0], [0.1, 0, 0]], [[0, -0.1, 0], [0, 0.1, 0]]])
-    grey = rgb(COLOURS["stator"])
-    server.scene.add_line_segments("/inset/gap", np.stack([circle[:-1], circle[1:]], 1).astype(np.float32), grey,
-                                   thickness=5.0, thickness_units="screen")
-    server.scene.add_line_segments("/inset/centre", cross.astype(np.float32), grey, thickness=2.0, thickness_units="screen")
-    nodes.moving["dot"] = server.scene.add_icosphere("/inset/dot", 0.075, color=rgb(COLOURS["unstable"]), cast_shadow=False)
-
-
-def quaternion(turn: NDArray) -> NDArray:
-    """wxyz of a rotation matrix."""
-    from scipy.spatial.transform import Rotation
-
-    return np.roll(Rotation.from_matrix(turn).as_quat(), 1)
-
-
-def add_surroundings(server: ViserServer, sizes: Sizes, dark: bool) -> None:
-    """Floor, axis and lights; no environment map, which flashes white where a recording loops."""
-    scene = server.scene
-    scene.set_up_direction("+z")
-    scene.configure_environment_map(None)
-    scene.configure_default_lights(False)
-    scene.add_light_ambient("/lights/ambient", intensity=0.75 if dark else 0.95)
-    scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(190, 190, 200), intensity=0.9)
-    scene.add_light_directional("/lights/sun", intensity=2.1, cast_shadow=True,
-                                position=(6.0 * math.cos(AZIMUTH + 0.7), 6.0 * math.sin(AZIMUTH + 0.7), 9.0))
-    shades = ((70, 76, 84), (96, 104, 114)) if dark else ((222, 226, 230), (188, 194, 200))
-    scene.add_grid("/floor", 22.0, 22.0, cell_size=1.0, section_size=5.0, cell_color=shades[0], section_color=shades[1],
-                   position=(0.0, 0.0, sizes.bottom - 1.2), shadow_opacity=0.2)
-    z = np.arange(sizes.bottom - 0.9, sizes.top + 1.3, 0.3)
-    dashes = np.zeros((len(z), 2, 3))
-    dashes[:, 0, 2], dashes[:, 1, 2] = z, z + 0.17
-    scene.add_line_segments("/axis", dashes.astype(np.float32), (190, 190, 190) if dark else (64, 64, 64), thickness=2.0,
-                            thickness_units="screen")
-
-
-def orbit_colours(away: NDArray, largest: float) -> NDArray:
-    """Colours of points that are so far from rest, m: from dark violet to orange, never near white."""
-    share = np.clip(away / largest if largest else away, 0, 1)
-    return linear_rgb(colormaps["inferno"](0.12 + 0.68 * share)[..., :3])

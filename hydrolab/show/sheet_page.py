@@ -6,10 +6,16 @@ import base64
 import html
 import json
 import re
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from hydrolab.errors import BadInput
+from hydrolab.machine.cards import load_machine
+from hydrolab.show.recording import record_scene
 from hydrolab.show.run_sheet import RunSheet
+from hydrolab.show.scene import MachineScene
+from hydrolab.show.server import close_server, open_server
 
 DATA = re.compile(r'<script>window\.__VISER_EMBED_DATA__="([A-Za-z0-9+/=]*)";.*?</script>', re.DOTALL)
 
@@ -30,7 +36,33 @@ def sheet_page(sheet: RunSheet, recordings: Sequence[str]) -> str:
         steps.append({"title": step.title, "cue": step.cue, "see": step.see, "ask": step.ask, "scene": found[1],
                       "dark": bool(step.state.get("dark", False))})
     data = json.dumps({"player": base64.b64encode(player.encode()).decode(), "steps": steps}).replace("</", "<\\/")
-    return PAGE.replace("%TITLE%", html.escape(sheet.title)).replace("%DATA%", data)
+    filled = {"%TITLE%": html.escape(sheet.title), "%DATA%": data}
+    return re.sub("|".join(filled), lambda mark: filled[mark[0]], PAGE)
+
+
+def record_sheet(sheet: RunSheet, path: Path, turns: int = 3, *, progress: Callable[[int, int], None] | None = None) -> None:
+    """Write a run sheet as one HTML file: every step in its view, turning for some whole turns and over again.
+
+    progress: called with how many steps are done, and of how many.
+    Raises BadInput for a path that is no .html file.
+    """
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise BadInput(f"path is {str(path)!r}; a recording is an .html file.")
+    server = open_server(port=0)
+    recordings = []
+    try:
+        scene = MachineScene(server, load_machine(sheet.card))
+        with tempfile.TemporaryDirectory() as folder:
+            for done, step in enumerate(sheet.steps, 1):
+                scene.change(**step.settings)
+                server.initial_camera.position, server.initial_camera.look_at = scene.views[step.camera]
+                part = record_scene(scene, Path(folder) / "step.html", turns)
+                recordings.append(part.read_text(encoding="utf-8"))
+                if progress:
+                    progress(done, len(sheet.steps))
+    finally:
+        close_server()
+    path.write_text(sheet_page(sheet, recordings), encoding="utf-8")
 
 
 PAGE = """<!DOCTYPE html>

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
 
@@ -22,11 +23,13 @@ CAMERA = {"type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position
 class RawClient:
     """Speaks msgpack over a websocket as viser's page does, or says anything else."""
 
-    def __init__(self, port, *, hello=True, listen=True, host="127.0.0.1", **options):
+    def __init__(self, port, *, hello=True, listen=True, host="127.0.0.1", source=None, **options):
         self.heard: list[dict] = []
         self.closed: str | None = None
         options = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "compression": None,
                    "proxy": None} | options
+        if source:  # as if from another computer
+            options["sock"] = socket.create_connection((host, port), source_address=(source, 0))
         self.socket = connect(f"ws://{host}:{port}/", **options)
         self.thread = threading.Thread(target=self._listen, daemon=True)
         if listen:

@@ -91,7 +91,7 @@ def test_without_the_token_there_is_no_page(jupyter, server, headers):
 
 def websocket(jupyter, server, headers):
     """A connection to the 3D server through the hub, as the page in the frame opens it."""
-    return connect(f"ws://{jupyter}{frame_address(server)}", subprotocols=[f"viser-v{viser.__version__}"],
+    return connect(f"ws://{jupyter}{frame_address(server).removesuffix('/')}", subprotocols=[f"viser-v{viser.__version__}"],
                    origin=f"http://{jupyter}", additional_headers=headers, compression=None, max_size=None, proxy=None)
 
 

@@ -13,7 +13,7 @@ from hydrolab.show.poses import (
     STEEPEST,
     drawn_rotor_radius,
     largest_exaggeration,
-    orbit_lines,
+    orbit_rings,
     positions,
     quaternions,
     stations,
@@ -103,12 +103,29 @@ def test_the_tilt_is_kept_small(where):
     assert largest_exaggeration(replace(where, coefficients=0 * where.coefficients)) == math.inf
 
 
-def test_orbit_lines(where):
-    lines, away = orbit_lines(where, 30.0, points=48)
-    assert lines.shape == (len(where.depths) * 48, 2, 3) and away.shape == lines.shape[:2]
-    first = lines[:48]
-    assert first[0, 0] == pytest.approx(first[-1, 1])
-    assert np.hypot(*lines[..., :2].transpose(2, 0, 1)) == pytest.approx(30 * away)
+def test_rings_are_what_the_shaft_sweeps(where):
+    """In every direction a ring lies the drawn radius beyond the farthest point of the orbit, found here by brute force."""
+    rings, away = orbit_rings(where, 30.0, 0.2, points=48)
+    assert rings.shape == (where.nodes * 48, 2, 3) and away.shape == rings.shape[:2]
+    node = 5
+    ring = rings[node * 48:(node + 1) * 48]
+    assert ring[0, 0] == pytest.approx(ring[-1, 1]) and set(ring[..., 2].ravel()) == {-where.depths[node]}
+    path = 30 * where.motion(2 * np.pi * np.arange(3600) / 3600)[node, :2]
+    for k in range(48):
+        u = np.array([math.cos(2 * np.pi * k / 48), math.sin(2 * np.pi * k / 48)])
+        assert ring[k, 0, :2] @ u == pytest.approx((path.T @ u).max() + 0.2, abs=1e-6)
+    assert away[node * 48:(node + 1) * 48].max() == pytest.approx(np.hypot(*path).max() / 30, rel=1e-3)
+
+
+def test_the_shaft_stays_in_its_rings(where):
+    rings, _ = orbit_rings(where, 30.0, 0.2, points=96)
+    for phase in PHASES:
+        place = positions(where, where.motion(phase), 30.0)
+        for node in range(where.nodes):
+            edge = rings[node * 96:(node + 1) * 96, 0, :2]
+            angle = 2 * np.pi * np.arange(96) / 96
+            out = np.einsum("kc,kc->k", edge - place[node, :2], np.column_stack([np.cos(angle), np.sin(angle)]))
+            assert out.min() >= 0.2 - 1e-6
 
 
 def test_half_way_between_orbits(where):

@@ -6,9 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from hydrolab import load_machine
 from hydrolab.errors import BadInput
 from hydrolab.show.moving import legs_of
 from hydrolab.show.run_sheet import FACTS, RunSheet, facts, load_run_sheet, sheet_machine
+from hydrolab.show.scene import MachineScene
+from hydrolab.show.server import open_server
 
 FOLDER = Path(__file__).resolve().parents[2] / "book" / "instructor"
 SHEETS = sorted(FOLDER.glob("*.toml"))
@@ -65,9 +68,36 @@ def test_a_shown_orbit_is_one_the_machine_can_be_in(path):
         assert branch.verdict(orbit, leg) == "stable", step.title
 
 
+@pytest.mark.parametrize("path", SHEETS, ids=lambda path: path.stem)
+def test_the_scene_shows_what_a_step_says_forward_and_back(path):
+    sheet = load_run_sheet(path)
+    scene = MachineScene(open_server(port=0), load_machine(sheet.card), legs("kaplan-150rpm", 1.0, 1.0).branch)
+    for step in [*sheet.steps, *reversed(sheet.steps)]:
+        scene.change(**step.settings)
+        branch = legs(sheet.card, step.state["field"], step.state["unbalance"])
+        orbit = branch.orbit(step.settings["static_eccentricity"], step.settings["leg"])
+        assert scene.shown.leg == step.settings["leg"], step.title
+        assert scene.shown.verdict == "stable" and not scene.shown.jumped, step.title
+        assert scene.smallest_gap == pytest.approx(orbit.smallest_gap, rel=1e-5), step.title
+        assert set(scene.legs) >= {step.settings["leg"]}
+
+
+def test_past_the_fold_the_machine_jumps_and_does_not_come_back_by_itself():
+    scene = MachineScene(open_server(port=0), load_machine("kaplan-150rpm"), legs("kaplan-150rpm", 1.0, 1.0).branch)
+    scene.change(static_eccentricity=0.088)
+    assert (scene.shown.leg, scene.legs) == (0, (0, 2))
+    scene.change(static_eccentricity=0.09)
+    assert scene.shown.leg == 2 and scene.shown.jumped and "jumps to leg 3" in scene.reading
+    assert scene.settings.leg == 2
+    scene.change(static_eccentricity=0.085)
+    assert scene.shown.leg == 2 and not scene.shown.jumped
+    scene.change(leg=0)
+    assert scene.shown.leg == 0
+
+
 def test_what_the_sheets_say_of_the_shipped_unit_is_what_time_integration_finds():
     """Two stable orbits at 8.8 %, by a method that knows nothing of harmonics: from beside each, the motion ends there."""
-    from hydrolab import RungeKutta, integrate, load_machine
+    from hydrolab import RungeKutta, integrate
 
     unit = load_machine("kaplan-150rpm")
     branch = legs("kaplan-150rpm", 1.0, 1.0)
@@ -93,7 +123,7 @@ def test_it_reads_as_text():
         assert all(part in text for part in (step.title, step.cue, step.see, step.ask))
 
 
-STEP = '[[step]]\ntitle = "A"\nminutes = 1\ncamera = "generator"\ncue = "c"\nsee = "s"\nask = "a"\n'
+STEP = '[[step]]\ntitle = "A"\nminutes = 1\ncamera = "air gap"\ncue = "c"\nsee = "s"\nask = "a"\n'
 TOP = 'title = "T"\nminutes = 1\ncard = "kaplan-150rpm"\n'
 
 
@@ -104,7 +134,7 @@ TOP = 'title = "T"\nminutes = 1\ncard = "kaplan-150rpm"\n'
     (TOP + "step = [3]", "step 1: 3 is no part of a step"),
     (TOP + STEP + 'colour = "red"', "step 1: 'colour' is no part of a step"),
     (TOP + STEP.replace('cue = "c"\n', ""), "step 1: cue is None"),
-    (TOP + STEP.replace('"generator"', '"moon"'), "camera is 'moon'; there are whole machine"),
+    (TOP + STEP.replace('"air gap"', '"moon"'), "camera is 'moon'; there are machine"),
     (TOP + STEP.replace("minutes = 1", "minutes = 2"), "minutes is 1, but its steps take 2"),
     (TOP + STEP + 'set = { eccentricity = "8" }', "eccentricity is '8'; give a number from 0 to 100"),
     (TOP + STEP + "set = { eccentricity = nan }", "eccentricity is nan"),

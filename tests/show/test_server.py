@@ -15,6 +15,7 @@ import pytest
 from viser import _messages
 
 from hydrolab.errors import BadInput
+from hydrolab.show.gate import OWN, is_own_page
 from hydrolab.show.server import (
     close_server,
     current_gate,
@@ -123,8 +124,9 @@ def test_nothing_is_printed(capfd):
 
 def test_ctrl_c_ends_a_program_that_waits(tmp_path):
     program = ("from hydrolab.show.server import open_server\nimport time\n"
-               "server = open_server(port=0)\nprint(server.get_port(), flush=True)\n"
-               "try:\n    time.sleep(60)\nexcept KeyboardInterrupt:\n    print('stopped')\n")
+               "server = open_server(port=0)\n"
+               "try:\n    print(server.get_port(), flush=True)\n    time.sleep(60)\n"
+               "except KeyboardInterrupt:\n    print('stopped')\n")
     process = subprocess.Popen([sys.executable, "-W", "error", "-c", program], stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE, text=True, cwd=tmp_path, env=os.environ | {
                                    "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)})
@@ -336,22 +338,56 @@ def test_thirty_clients_and_one_that_never_reads(slider_server, raw):
     assert not slider_server._websock_server._client_state_from_id
 
 
+def can_bind(address):
+    """Whether this computer lets a socket have an address (all of 127.0.0.0/8 on Linux, not elsewhere)."""
+    with socket.socket() as probe:
+        try:
+            probe.bind((address, 0))
+        except OSError:
+            return False
+    return True
+
+
+@pytest.mark.skipif(not can_bind("127.0.0.9"), reason="this system has no second loopback address to come from")
 def test_a_full_server_says_so_and_opens_when_someone_leaves(raw):
     server = open_server(port=0, viewers=2)
-    port = server.get_port()
-    first, second = raw(port), raw(port)
+    port, away = server.get_port(), {"source": "127.0.0.9"}
+    first, second = raw(port, **away), raw(port, **away)
     first.wait(lambda me: len(server.get_clients()) == 2)
-    third = raw(port)
+    third = raw(port, **away)
     notice = third.wait(lambda me: [m for m in me.heard if m["type"] == "NotificationShowMessage"])[0]
     assert notice["props"]["title"] == "All 2 places are taken"
-    assert {m["type"] for m in third.heard} == {"NotificationShowMessage"}  # and nothing of the scene
+    assert {m["type"] for m in third.heard} == {"NotificationShowMessage", "ThemeConfigurationMessage"}  # nothing else
     for _ in range(200):
         third.say({"type": "ShareUrlRequest"})
-    waiting = [raw(port) for _ in range(2)]
+    waiting = [raw(port, **away) for _ in range(2)]
     assert waiting[1].wait(lambda me: me.closed) == "1013 Too many are waiting."
+    presenter = raw(port)  # from this computer: there are places kept
+    presenter.wait(lambda me: len(server.get_clients()) == 3)
+    presenter.close()
     second.close()
     assert third.wait(lambda me: me.closed) == "1013 A place is free."
     assert len(server.get_clients()) == 1
-    again = raw(port)
+    again = raw(port, **away)
     again.wait(lambda me: len(server.get_clients()) == 2)
     assert first.closed is None
+
+
+def test_the_places_kept_for_this_computer_are_few(raw):
+    server = open_server(port=0, viewers=1)
+    pages = [raw(server.get_port()) for _ in range(1 + OWN)]
+    pages[0].wait(lambda me: len(server.get_clients()) == 1 + OWN)
+    late = raw(server.get_port())
+    late.wait(lambda me: any(m["type"] == "NotificationShowMessage" for m in me.heard))
+
+
+@pytest.mark.parametrize(("host", "origin", "own", "right"), [
+    ("laptop.example:8080", "http://laptop.example:8080", "Laptop.example", True),
+    ("laptop.example:8080", "http://laptop.example:8080", "127.0.0.1", False),
+    ("[::1]:8080", "http://[::1]:8080", "::1", True),
+    ("192.0.2.7:8080", "http://192.0.2.7:8080", "0.0.0.0", True),
+    ("192.0.2.7:8080", "http://192.0.2.8:8080", "0.0.0.0", False),
+    (None, "http://192.0.2.8:8080", "0.0.0.0", False),
+])
+def test_a_page_is_known_by_its_address(host, origin, own, right):
+    assert is_own_page(host, origin, own) is right

@@ -1,0 +1,153 @@
+"""The 3D view under load: `python -m tests.benchmarks.scene_load [--minutes 2] [--viewers 30]`.
+
+Clients in a process of their own read what a browser would. Reported: poses a second that one of them received, the
+server's share of one core, the time from a setting to the first pose on the way to its new orbit, and the server's memory
+while viewers come and go (some never read).
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import multiprocessing
+import random
+import resource
+import statistics
+import time
+from pathlib import Path
+
+import msgspec
+import viser
+import zstandard
+from websockets.asyncio.client import connect
+
+from hydrolab import load_machine
+from hydrolab.show.scene import MachineScene
+from hydrolab.show.server import close_server, open_server
+
+OPTIONS = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "compression": None, "ping_interval": None}
+
+
+def poses_in(data: bytes) -> int:
+    """How many poses of the whole machine a packet of the server holds: those of the dot in the inset."""
+    size = int.from_bytes(data[8:16], "little")
+    packet = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(
+        data[16:16 + size], max_output_size=int.from_bytes(data[:8], "little")))
+    return sum(m["type"] == "SetPositionMessage" and m["name"] == "/inset/dot" for m in packet["messages"])
+
+
+async def watch(address: str, until: float, counts: bool) -> float:
+    """Read until a time; return poses a second where they are counted."""
+    poses, start = 0, None
+    async with connect(address, **OPTIONS) as socket:
+        while time.time() < until:
+            try:
+                data = await asyncio.wait_for(socket.recv(), 2.0)
+            except TimeoutError:
+                continue
+            if counts and isinstance(data, bytes):
+                found = poses_in(data)
+                if found and start is None:
+                    start = time.time() + 1.0  # what was waiting comes in one go
+                elif start is not None and time.time() > start:
+                    poses += found
+        return poses / (time.time() - start) if start else 0.0
+
+
+async def come_and_go(address: str, until: float, deaf: bool) -> None:
+    """A viewer that stays for seconds, comes back, and, where deaf, never reads."""
+    while time.time() < until:
+        stay = min(until, time.time() + random.uniform(2, 12))
+        if deaf:
+            async with connect(address, **OPTIONS):
+                await asyncio.sleep(max(0.0, stay - time.time()))
+        else:
+            await watch(address, stay, False)
+
+
+def crowd(port: int, viewers: int, seconds: float, moving: bool, answer: multiprocessing.Queue) -> None:
+    """The clients' process."""
+    async def everyone() -> float:
+        address, until = f"ws://127.0.0.1:{port}", time.time() + seconds
+        others = [come_and_go(address, until, k % 6 == 0) if moving else watch(address, until, False)
+                  for k in range(viewers - 1)]
+        return (await asyncio.gather(watch(address, until, True), *others))[0]
+
+    answer.put(asyncio.run(everyone()))
+
+
+def measured(port: int, viewers: int, seconds: float, moving: bool = False) -> tuple[float, float, list[float]]:
+    """Poses a second, share of a core, and resident memory each second (MB) while clients watch."""
+    answer: multiprocessing.Queue = multiprocessing.get_context("spawn").Queue()
+    process = multiprocessing.get_context("spawn").Process(target=crowd, args=(port, viewers, seconds, moving, answer))
+    process.start()
+    time.sleep(3.0)
+    memory, before, start = [], used(), time.perf_counter()
+    while time.perf_counter() - start < seconds - 4.0:
+        time.sleep(1.0)
+        memory.append(resident())
+    share = (used() - before) / (time.perf_counter() - start)
+    rate = answer.get(timeout=60)
+    process.join(30)
+    return rate, share, memory
+
+
+def used() -> float:
+    """CPU time of this process, s."""
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return usage.ru_utime + usage.ru_stime
+
+
+def resident() -> float:
+    """Resident memory of this process, MB."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
+
+
+def answers(scene: MachineScene, wanted: list[dict[str, float]]) -> list[float]:
+    """Seconds from each change to the moment the loop has drawn on the way to the new orbit."""
+    times = []
+    for settings in wanted:
+        shown, start = scene.shown, time.perf_counter()
+        scene.change(**settings)
+        while scene.shown is shown:
+            time.sleep(0.0005)
+        phase = scene.drawn
+        while scene.drawn is phase:  # and once more: the pose is on its way
+            time.sleep(0.0005)
+        times.append(time.perf_counter() - start)
+        time.sleep(0.15)
+    return times
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--minutes", type=float, default=2.0, help="of the soak (default: %(default)s)")
+    options.add_argument("--viewers", type=int, default=30)
+    chosen = options.parse_args()
+    server = open_server(port=0)
+    scene = MachineScene(server, load_machine("kaplan-150rpm"))
+    scene.run()
+    port = server.get_port()
+    for viewers in (1, chosen.viewers):
+        rate, share, _ = measured(port, viewers, 15.0)
+        print(f"{viewers} viewers: {rate:.1f} poses/s, {100 * share:.0f} % of one core", flush=True)
+    for name, wanted in {
+        "eccentricity": [{"static_eccentricity": 0.002 * k} for k in range(1, 41)],
+        "leg": [{"static_eccentricity": 0.088, "leg": 2 * (k % 2)} for k in range(1, 20)],
+        "field": [{"field": 1 - 0.01 * k} for k in range(1, 16)],
+        "unbalance": [{"field": 1.0, "unbalance": 1 - 0.02 * k} for k in range(1, 16)],
+    }.items():
+        ms = [1e3 * t for t in answers(scene, wanted)]
+        print(f"{name} to new orbit: median {statistics.median(ms):.0f} ms, largest {max(ms):.0f} ms", flush=True)
+    scene.change(field=1.0, unbalance=1.0, leg=0)
+    _, share, memory = measured(port, chosen.viewers, 60 * chosen.minutes + 4, moving=True)
+    tenth = max(len(memory) // 10, 1)
+    print(f"soak of {chosen.minutes:g} minutes, {chosen.viewers} viewers coming and going: {100 * share:.0f} % of one core, "
+          f"memory {statistics.mean(memory[tenth:2 * tenth]):.0f} MB at first, {statistics.mean(memory[-tenth:]):.0f} MB at "
+          f"the end, {max(memory):.0f} MB at most", flush=True)
+    scene.stop()
+    close_server()
+
+
+if __name__ == "__main__":
+    main()
