@@ -193,7 +193,8 @@ def show(options: argparse.Namespace) -> int:
 
     sheet = find_run_sheet(options.run_sheet, find_book() / "instructor") if options.run_sheet else None
     return show_command(options.card, room=options.room, host=options.host, port=options.port, viewers=options.viewers,
-                        sheet=sheet, record=options.record, browser=not options.no_browser)
+                        sheet=sheet, record=options.record, browser=not options.no_browser,
+                        eccentricity=options.eccentricity, orbit=options.orbit)
 
 
 def port_number(text: str) -> int:
@@ -249,6 +250,10 @@ def parser() -> argparse.ArgumentParser:
                          help="how many may watch at once (default: %(default)s)")
     command.add_argument("--run-sheet", metavar="NAME", help="steps for the presenter: 5-minutes, 15-minutes, 45-minutes "
                          "or a TOML file of your own")
+    command.add_argument("--eccentricity", type=float, metavar="PERCENT",
+                         help="static eccentricity of the stator to begin with, %% of the air gap (default: 0)")
+    command.add_argument("--orbit", type=int, metavar="N", help="which steady state to begin with where there are several, "
+                         "counted along the branch (default: 1)")
     command.add_argument("--record", type=Path, metavar="FILE.html", help="write a file that plays without a server instead")
     command.add_argument("--no-browser", action="store_true", help="print the address and open no browser")
     command.set_defaults(run=show)

@@ -6,7 +6,9 @@ import io
 import signal
 import threading
 import webbrowser
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import segno
 from rich.progress import Progress
@@ -16,7 +18,7 @@ from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
 from hydrolab.show.controls import Controls
 from hydrolab.show.pin import Pin
-from hydrolab.show.recording import record_machine
+from hydrolab.show.recording import check_steady_state, record_machine
 from hydrolab.show.run_sheet import RunSheet, load_run_sheet
 from hydrolab.show.scene import MachineScene
 from hydrolab.show.server import close_server, open_server, page_address, room_address, stop_with_server
@@ -26,23 +28,29 @@ WILDCARDS = ("0.0.0.0", "::", "")
 
 
 def show_command(card: str | None, *, room: bool, host: str | None, port: int | None, viewers: int, sheet: Path | None,
-                 record: Path | None, browser: bool) -> int:
+                 record: Path | None, browser: bool, eccentricity: float | None = None, orbit: int | None = None) -> int:
     """Show a machine until Ctrl-C, or record it. Returns the exit code.
 
+    eccentricity: of the stator to begin with, % of the gap. orbit: the steady state to begin with, 1 is the first.
     Raises BadInput for what does not go together, and where the server cannot listen.
     """
     run_sheet = load_run_sheet(sheet) if sheet else None
     if run_sheet and card is not None:
         raise BadInput(f"The run sheet is about {run_sheet.card}; give either --run-sheet or a card.")
+    if run_sheet and (eccentricity is not None or orbit is not None):
+        raise BadInput("A run sheet sets eccentricity and orbit itself; leave out --eccentricity and --orbit.")
+    begin = {"static_eccentricity": (eccentricity or 0.0) / 100, "leg": (1 if orbit is None else orbit) - 1}
     machine = load_machine(run_sheet.card if run_sheet else card or "kaplan-150rpm")
     if record:
-        return _record(machine, run_sheet, record)
+        return _record(machine, run_sheet, record, begin)
     address = host or (room_address() if room else "127.0.0.1")
     pin = Pin() if room else None
     server = open_server(address, port, room=room, viewers=viewers, label=machine.name)
     try:
         print(f"{machine.name}: looking for its steady states …", flush=True)
         scene = MachineScene(server, machine)
+        check_steady_state(scene, **begin)
+        scene.change(**begin)
         stop_with_server(scene.stop)
         Controls(server, scene, pin, run_sheet)
         scene.run()
@@ -65,7 +73,7 @@ def show_command(card: str | None, *, room: bool, host: str | None, port: int | 
     return 0
 
 
-def _record(machine: Machine, run_sheet: RunSheet | None, path: Path) -> int:
+def _record(machine: Machine, run_sheet: RunSheet | None, path: Path, begin: Mapping[str, Any]) -> int:
     """Write the machine, or each step of a run sheet, as a file."""
     with Progress(transient=True) as progress:
         task = progress.add_task(f"recording {path.name}")
@@ -76,7 +84,7 @@ def _record(machine: Machine, run_sheet: RunSheet | None, path: Path) -> int:
         if run_sheet:
             record_sheet(run_sheet, path, progress=done)
         else:
-            record_machine(machine, path, progress=done)
+            record_machine(machine, path, **begin, progress=done)
     print(f"{path} plays in a browser without a server, and without a network ({path.stat().st_size / 1e6:.1f} MB).")
     return 0
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.parts import Machine
+from hydrolab.show.readings import percent
 from hydrolab.show.scene import MachineScene
 from hydrolab.show.server import close_server, open_server
 
@@ -43,11 +44,30 @@ def record_scene(scene: MachineScene, path: str | Path, turns: int = TURNS, *,
 
 def record_machine(machine: Machine, path: str | Path, static_eccentricity: float = 0.0, leg: int = 0, *, turns: int = TURNS,
                    progress: Callable[[int, int], None] | None = None) -> str:
-    """Write a machine at a static eccentricity (fraction of the gap) on a leg of its branch; return its reading."""
+    """Write a machine at a static eccentricity (fraction of the gap) on a leg of its branch; return its reading.
+
+    Raises BadInput where there is no such steady state.
+    """
     server = open_server(port=0)
     try:
-        scene = MachineScene(server, machine, static_eccentricity=static_eccentricity, leg=leg)
+        scene = MachineScene(server, machine)
+        check_steady_state(scene, static_eccentricity, leg)
+        scene.change(static_eccentricity=static_eccentricity, leg=leg)
         record_scene(scene, path, turns, progress=progress)
         return scene.reading
     finally:
         close_server()
+
+
+def check_steady_state(scene: MachineScene, static_eccentricity: float, leg: int) -> None:
+    """Raise BadInput where the machine has no steady state on that leg (0 is the first) at that eccentricity."""
+    legs = scene.live.legs.all if scene.live.legs else ()
+    if not legs and static_eccentricity == 0 and leg == 0:
+        return
+    if not legs:
+        raise BadInput(f"{scene.machine.name} has no air gap: leave eccentricity and orbit out.")
+    if not 0 <= leg < len(legs):
+        raise BadInput(f"orbit is {leg + 1}; {scene.machine.name} has {len(legs)} of them, from 1.")
+    if not legs[leg].holds(static_eccentricity):
+        raise BadInput(f"static eccentricity is {percent(static_eccentricity)}; orbit {leg + 1} exists from "
+                       f"{percent(legs[leg].low, 4)} to {percent(legs[leg].high, 4)}.")

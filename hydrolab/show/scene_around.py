@@ -160,5 +160,5 @@ def add_names(server: ViserServer, machine: Machine, sizes: Sizes, body_depths: 
         return Names(names, None, scale)
     inset = inset_place(sizes)
     name("stator, cut away", LEFT * 1.22 * sizes.stator + [0, 0, 0.2 * u], "center-right")
-    name(f"orbit in its gap of {1e3 * gap.gap:.3g} mm", inset - [0, 0, (1.1 * INSET + 0.1) * u], "top-center")
+    name(f"orbit in its gap of {1e3 * gap.gap:.3g} mm", inset - [0, 0, (1.1 * INSET + 0.3) * u], "top-center")
     return Names(names, label("/gap", "", inset + [0, 0, (1.1 * INSET + 0.2) * u], 1.9, "bottom-center"), scale)
