@@ -192,7 +192,7 @@ def fingerprint(machine: Machine) -> str:
     parts = repr((machine.speed, machine.shaft and [np.asarray(v).tolist() if not isinstance(v, str) else v
                                                     for v in vars(machine.shaft).values()], machine.bodies,
                   [(b.name, b.node, b.stiffness.tolist(), b.damping.tolist()) for b in machine.bearings],
-                  machine.thrust_bearings, machine.damping, machine.air_gap))
+                  machine.thrust_bearings, machine.damping, machine.air_gap, machine.poles, machine.shapes))
     return hashlib.sha256(parts.encode()).hexdigest()[:16]
 
 

@@ -17,9 +17,10 @@ PACKAGE = ROOT / "hydrolab"
 LAYERS = [
     ["hydrolab.errors"],
     ["hydrolab.machine.elements", "hydrolab.machine.forces", "hydrolab.machine.damping", "hydrolab.machine.several",
-     "hydrolab.machine.tilted_pull", "hydrolab.machine.pads", "hydrolab.machine.film", "hydrolab.machine.crack"],
+     "hydrolab.machine.tilted_pull", "hydrolab.machine.pads", "hydrolab.machine.film", "hydrolab.machine.crack",
+     "hydrolab.machine.pole_pairs", "hydrolab.machine.field_wave", "hydrolab.machine.shapes", "hydrolab.machine.tangential"],
     ["hydrolab.machine.checks"],
-    ["hydrolab.machine.fault_parts"],
+    ["hydrolab.machine.fault_parts", "hydrolab.machine.gap_parts", "hydrolab.machine.measured_shape"],
     ["hydrolab.machine.parts"],
     ["hydrolab.machine.attach"],
     ["hydrolab.machine.model", "hydrolab.machine.cards"],

@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.machine.fault_parts import Crack
-from hydrolab.machine.forces import CircularPull, ForceLaw
+from hydrolab.machine.forces import CircularPull, ForceLaw, LinearPull
 from hydrolab.machine.parts import Machine
 from hydrolab.machine.several import Placed, SeveralLaws
+from hydrolab.machine.shapes import shaped_law
+from hydrolab.machine.tangential import TangentialPull
 from hydrolab.machine.tilted_pull import TiltedPull
 
 
@@ -26,10 +28,25 @@ def air_gap_law(machine: Machine, centre: NDArray) -> tuple[ForceLaw, NDArray]:
     air = machine.air_gap
     if air is None:
         return CircularPull(0.0, math.inf), centre
-    law: ForceLaw = CircularPull(air.pull_stiffness, air.gap)
-    if not air.tilt:
-        return law, centre
-    return TiltedPull(law, air.length), np.vstack([centre, slopes(machine.body(air.body).node, centre.shape[1])])
+    law, rows = upright_law(machine), centre
+    if air.tilt:
+        law = TiltedPull(law, air.length)
+        rows = np.vstack([centre, slopes(machine.body(air.body).node, centre.shape[1])])
+    if air.tangential:
+        across = TangentialPull(air.tangential * air.pull_stiffness, air.gap)
+        law = SeveralLaws((Placed(law, slice(0, len(rows)), magnetic=True), Placed(across, slice(0, 2), magnetic=True)))
+    return law, rows
+
+
+def upright_law(machine: Machine) -> ForceLaw:
+    """The pull of the air gap along the eccentricity, of a rotor that does not tilt."""
+    air = machine.air_gap
+    if machine.poles:
+        return machine.poles.law(air.pull_stiffness, air.gap)
+    if machine.shapes:
+        stator, rotor = (tuple(s.bulge() for s in machine.shapes if s.of == side) for side in ("stator", "rotor"))
+        return shaped_law(air.pull_stiffness, air.gap, stator, rotor)
+    return (LinearPull if air.linear else CircularPull)(air.pull_stiffness, air.gap)
 
 
 def slopes(node: int, size: int) -> NDArray:

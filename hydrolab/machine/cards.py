@@ -23,6 +23,7 @@ import numpy as np
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.fault_parts import Crack, JournalFilm, PadBearing
+from hydrolab.machine.gap_parts import GapShape, Poles
 from hydrolab.machine.parts import (
     SI_UNITS,
     AirGap,
@@ -67,7 +68,7 @@ class Section:
 
 
 CARD = Section({"schema": int, "name": str}, ("speed",))
-OTHERS = ("title", "about", "shaft", "bodies", "bearings", "damping", "air_gap", "cracks")  # all optional
+OTHERS = ("title", "about", "shaft", "bodies", "bearings", "damping", "air_gap", "cracks", "poles", "shapes")  # all optional
 SHAFT = Section({"element": str}, ("nodes", "diameter", "young", "density", "poisson", "shear_coefficient"),
                 ("inner_diameter",))
 BODY = Section({"name": str, "node": int}, ("mass", "Id", "Ip"), ("offset", "unbalance", "phase"))
@@ -77,7 +78,11 @@ ZEROS = {"Id": 0.0, "Ip": 0.0}  # of a point mass
 THRUST = Section({"name": str, "node": int}, ("tilt_stiffness",))
 DAMPING = Section({}, ("ratio",))
 NUMBER = Section({"unit": str, "source": str})
-AIR_GAP = Section({"body": str}, ("field", "mean_radius", "length", "gap"), choices={"tilt": bool})
+AIR_GAP = Section({"body": str}, ("field", "mean_radius", "length", "gap"), ("tangential",),
+                  {"tilt": bool, "linear": bool})
+POLES = Section({"pole_pairs": int}, (), ("electrical_ratio", "pole_angle", "backward", "backward_angle", "stator_mmf",
+                                          "load_angle"), {"series": str})
+SHAPE = Section({"name": str, "of": str, "order": int}, ("size",), ("angle",))
 PADS = Section({"name": str, "node": int, "pads": int}, ("pad_stiffness", "clearance"), ("angle", "rounding"))
 FILM = Section({"name": str, "node": int}, ("viscosity", "journal_radius", "film_length", "clearance"))
 CRACK = Section({"name": str, "element": int}, ("depth",), ("phase", "rounding_angle"), {"breathing": str})
@@ -168,12 +173,14 @@ def machine_from_card(card: Mapping[str, Any]) -> Machine:
         section, kind = _kind_of_bearing(key, bearing)
         bearings[kind].append(part(key, bearing, section, kind))
     cracks = tuple(part(key, crack, CRACK, Crack) for key, crack in _list("cracks", card))
+    shapes = tuple(part(key, shape, SHAPE, GapShape) for key, shape in _list("shapes", card))
+    poles = table("poles", POLES, Poles)
     damping, air_gap = table("damping", DAMPING, RayleighDamping), table("air_gap", AIR_GAP, AirGap)
     try:
         return Machine(
             card["name"], speed.si, shaft, bodies, tuple(bearings[RadialBearing]), tuple(bearings[ThrustBearing]), damping,
             air_gap, _prose("title", card.get("title", "")), entries, _prose("about", card.get("about", "")),
-            tuple(bearings[PadBearing]), tuple(bearings[JournalFilm]), cracks)
+            tuple(bearings[PadBearing]), tuple(bearings[JournalFilm]), cracks, poles, shapes)
     except BadInput as error:
         raise BadInput(_as_stated(str(error), entries)) from None
 

@@ -21,6 +21,8 @@ SI_UNITS = {
     "ratio": "1", "field": "T", "mean_radius": "m", "length": "m", "gap": "m",
     "pad_stiffness": "N/m", "clearance": "m", "angle": "rad", "rounding": "m",
     "viscosity": "Pa s", "journal_radius": "m", "film_length": "m", "depth": "1", "rounding_angle": "rad",
+    "electrical_ratio": "1", "pole_angle": "rad", "backward": "1", "backward_angle": "rad", "stator_mmf": "1",
+    "load_angle": "rad", "size": "m", "tangential": "1",
 }  # every number of a part, by the name of its field
 
 

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from hydrolab.errors import BadInput
 from hydrolab.machine.checks import SI_UNITS, Entry, bearing_matrix, nickname, number, quantity, shown, vector
 from hydrolab.machine.fault_parts import Crack, JournalFilm, PadBearing
+from hydrolab.machine.gap_parts import GapShape, Poles, check_gap
 
 ELEMENTS = ("lalanne-ferraris", "timoshenko")
 MU_0 = 4e-7 * math.pi  # permeability of vacuum as the paper's Table 1 states it, H/m
@@ -188,6 +189,9 @@ class AirGap:
     body: the name of the rigid body inside it. field: unperturbed flux density B0, T (rms).
     mean_radius: u0, m. length: l0, m. gap: nominal gap g0, m.
     tilt: whether the pull also feels the rotor lean in the stator, over the height l0 (`TiltedPull`).
+    linear: take the pull as a negative stiffness at any eccentricity, as design tools do (`LinearPull`).
+    tangential: pull across the eccentricity that damper circuits add, over the pull along it; above 0 it drives forward
+    whirl (`TangentialPull`).
     """
 
     body: str
@@ -196,6 +200,8 @@ class AirGap:
     length: float
     gap: float
     tilt: bool = False
+    linear: bool = False
+    tangential: float = 0.0
 
     def __post_init__(self) -> None:
         put = object.__setattr__
@@ -206,8 +212,10 @@ class AirGap:
         if self.gap >= self.mean_radius:
             raise BadInput(f"air_gap.gap is {self.gap:g} m; it must be smaller than "
                            f"air_gap.mean_radius, {self.mean_radius:g} m.")
-        if not isinstance(self.tilt, bool):
-            raise BadInput(f"air_gap.tilt is {shown(self.tilt)}; it must be true or false.")
+        put(self, "tangential", number("air_gap.tangential", self.tangential))
+        for name in ("tilt", "linear"):
+            if not isinstance(getattr(self, name), bool):
+                raise BadInput(f"air_gap.{name} is {shown(getattr(self, name))}; it must be true or false.")
 
     @property
     def pull_stiffness(self) -> float:
@@ -221,6 +229,7 @@ class Machine:
 
     speed: rated speed, rad/s. shaft: None for a point mass on springs (one node, which translates).
     pad_bearings, films, cracks: parts that act nonlinearly on their own coordinates.
+    poles, shapes: what makes the field or the gap other than constant and round.
     provenance: for each number of the card, by its dotted key ("bodies.generator.mass"), what the card says;
     print the machine to see them. about: what the card says of itself.
     """
@@ -239,6 +248,8 @@ class Machine:
     pad_bearings: tuple[PadBearing, ...] = ()
     films: tuple[JournalFilm, ...] = ()
     cracks: tuple[Crack, ...] = ()
+    poles: Poles | None = None
+    shapes: tuple[GapShape, ...] = ()
 
     def __post_init__(self) -> None:
         nickname("name", self.name)
@@ -265,6 +276,9 @@ class Machine:
         if self.air_gap and self.air_gap.body not in [b.name for b in self.bodies]:
             names = ", ".join(b.name for b in self.bodies) or "there is none"
             raise BadInput(f"air_gap.body is {shown(self.air_gap.body)}; it must be the name of a body: {names}.")
+        air = self.air_gap
+        check_gap(air.gap if air else math.inf, tilt=bool(air and air.tilt), linear=bool(air and air.linear),
+                  poles=self.poles, shapes=self.shapes)
 
     def _check_point_mass(self) -> None:
         for body in self.bodies:
@@ -321,6 +335,7 @@ class Machine:
         groups = {"": self, "shaft.": self.shaft, **{f"bodies.{b.name}.": b for b in self.bodies},
                   **{f"bearings.{b.name}.": b for b in self.all_bearings},
                   **{f"cracks.{c.name}.": c for c in self.cracks},
+                  "poles.": self.poles, **{f"shapes.{s.name}.": s for s in self.shapes},
                   "damping.": self.damping, "air_gap.": self.air_gap}
         return {f"{prefix}{name}": getattr(part, name) for prefix, part in groups.items() if part is not None
                 for name in part.__dataclass_fields__ if name in SI_UNITS and (prefix or name == "speed")}

@@ -12,7 +12,7 @@ from hydrolab.errors import BadInput
 from hydrolab.machine.parts import Machine
 
 GROUPS = {"bodies": ("bodies",), "bearings": ("bearings", "thrust_bearings", "pad_bearings", "films"),
-          "cracks": ("cracks",)}  # fields of a machine that hold the parts of a card's section
+          "cracks": ("cracks",), "shapes": ("shapes",)}  # fields of a machine that hold the parts of a card's section
 
 
 def vary(machine: Machine, changes: Mapping[str, Any]) -> Machine:
@@ -36,7 +36,7 @@ def vary(machine: Machine, changes: Mapping[str, Any]) -> Machine:
 def _vary_part(machine: Machine, key: str, value: Any) -> Machine:
     section, _, rest = key.partition(".")
     name, _, attribute = rest.rpartition(".")
-    if section in ("shaft", "air_gap") and not name and getattr(machine, section) is not None:
+    if section in ("shaft", "air_gap", "poles") and not name and getattr(machine, section) is not None:
         return replace(machine, **{section: _replaced(key, getattr(machine, section), attribute, value)})
     for group in GROUPS.get(section, ()):
         parts = getattr(machine, group)
@@ -55,7 +55,7 @@ def _replaced(key: str, part: Any, attribute: str, value: Any) -> Any:
 
 def _numbers(part: Any) -> list[str]:
     """Names of the fields of a part that hold numbers."""
-    return [f.name for f in fields(part) if f.name not in ("node", "element", "pads")
+    return [f.name for f in fields(part) if f.name not in ("node", "element", "pads", "pole_pairs", "order")
             and isinstance(value := getattr(part, f.name), (int, float, np.ndarray, np.number))
             and not isinstance(value, bool)]
 
@@ -63,9 +63,10 @@ def _numbers(part: Any) -> list[str]:
 def parameter_keys(machine: Machine) -> list[str]:
     """Every key that `vary` takes for this machine."""
     keys = ["speed", "unbalance"]
-    for section in ("shaft", "air_gap"):
+    for section in ("shaft", "air_gap", "poles"):
         if getattr(machine, section) is not None:
             keys += [f"{section}.{n}" for n in _numbers(getattr(machine, section))]
-    for section, parts in (("bodies", machine.bodies), ("bearings", machine.all_bearings), ("cracks", machine.cracks)):
+    for section, parts in (("bodies", machine.bodies), ("bearings", machine.all_bearings), ("cracks", machine.cracks),
+                           ("shapes", machine.shapes)):
         keys += [f"{section}.{part.name}.{n}" for part in parts for n in _numbers(part)]
     return keys

@@ -15,7 +15,7 @@ from hydrolab.errors import BadInput
 from hydrolab.machine.cards import card_names, card_text, load_machine, machine_from_card, read_card, write_card
 from hydrolab.machine.parts import Entry, Machine
 
-SHIPPED = ["jeffcott", "kaplan-150rpm", "three-disc"]
+SHIPPED = ["jeffcott", "kaplan-150rpm", "three-disc", "two-pole"]
 CARDS = {name: read_card(name) for name in SHIPPED}
 UNIT = copy.deepcopy(CARDS["kaplan-150rpm"])  # with round numbers where the calibration has its own
 UNIT["bodies"][0] |= {key: {"value": value, "unit": unit, "source": "assumed"}
