@@ -126,7 +126,7 @@ def typical_faults(machine: Machine, static_eccentricity: float = 0.02) -> list[
 
 
 def fault_table(machine: Machine, faults: Iterable[Fault] | None = None, *, fields: Iterable[float] = (1.0, 0.0),
-                speeds: Iterable[float] | None = None, harmonics: int = 12) -> FaultTable:
+                speeds: Iterable[float] | None = None, harmonics: int = 24) -> FaultTable:
     """Solve for the steady state of every fault at every field (times the machine's own) and speed (rad/s).
 
     By default the typical faults, with the field on and off, at the rated speed and four fifths of it.

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hydrolab import BadInput, HarmonicBalance, RungeKutta, integrate, load_machine, rpm
+from hydrolab import BadInput, HarmonicBalance, RungeKutta, integrate, load_machine, reduce, rpm
 from hydrolab.dynamics.orbit_shape import ellipse
 from hydrolab.faults import Fault, fault_table, typical_faults
 from hydrolab.show.fault_figure import fault_picture
@@ -25,19 +25,20 @@ def test_a_row_says_what_its_orbit_does(table):
         assert row.mean == pytest.approx(np.hypot(*row.orbit.mean))
         assert f"{1e6 * row.size(2):7.1f}" in str(row) and row.verdict in str(row)
     assert table.row("none").orbit.coefficients == pytest.approx(
-        HarmonicBalance(12).solve(UNIT.model(), UNIT.speed, 0.02).coefficients, abs=1e-12)
+        HarmonicBalance(24).solve(UNIT.model(), UNIT.speed, 0.02).coefficients, abs=1e-12)
 
 
 def test_loose_pads_in_time(table):
     """The orbit that was reached by opening a preload is where a motion in time stays."""
     fault = next(f for f in typical_faults(UNIT) if f.name == "pad clearance")
     orbit = table.row("pad clearance").orbit
-    richer = HarmonicBalance(32).solve(orbit.model, UNIT.speed, 0.02, start=orbit)
-    motion = integrate(fault.machine.model(), RungeKutta(1e-9, 1e-12), speed=UNIT.speed, static_eccentricity=0.02,
-                       revolutions=2, start=richer)
+    model = reduce(fault.machine.model(), 10)
+    richer = HarmonicBalance(32).solve(model, UNIT.speed, 0.02, start=orbit)
+    motion = integrate(model, RungeKutta(1e-8, 1e-11), speed=UNIT.speed, static_eccentricity=0.02,
+                       revolutions=1, modes=None, start=richer)
     assert np.abs(motion.coefficients(3) - richer.coefficients[:, :7]).max() < 2e-5 * richer.amplitudes.max()
     for k in (1, 2, 3):
-        assert ellipse(motion.coefficients(3), k).major == pytest.approx(table.row("pad clearance").size(k), rel=0.02)
+        assert ellipse(motion.coefficients(3), k).major == pytest.approx(table.row("pad clearance").size(k), rel=1e-3)
 
 
 def test_without_the_field_no_fault_of_a_vertical_machine_makes_harmonics(table):

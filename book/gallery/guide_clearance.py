@@ -15,7 +15,7 @@ from hydrolab.machine.fault_parts import PadBearing
 
 unit = load_machine("kaplan-150rpm")
 guide, SPEED = unit.bearings[0], rpm(150)
-method = HarmonicBalance(12)
+method = HarmonicBalance(24)
 
 
 def with_pads(clearance: float):

@@ -28,7 +28,7 @@ def unit(hub: float, distance: float, tilt: bool = True) -> Machine:
                    damping=RayleighDamping(0.01), air_gap=AirGap("rotor", 0.55, 3.7, HEIGHT, 0.015, tilt))
 
 
-distances, hubs = np.linspace(-1.5, 1.5, 13), (0.2, 0.35, 0.5)
+distances, hubs = np.linspace(-1.5, 1.5, 7), (0.2, 0.35, 0.5)
 most = {(hub, tilt): np.array([largest_offset(unit(hub, d, tilt).model()) for d in distances])
         for hub in hubs for tilt in (True, False)}
 low, high = most[0.35, True].argmin(), most[0.35, True].argmax()
@@ -44,7 +44,7 @@ for i, distance in enumerate(distances):
 
 print()
 middle = equilibrium(unit(0.35, 0.5).model(), 0.0)
-pushed = equilibrium(unit(0.35, 0.5).model(), 0.8 * most[0.35, True][8])
+pushed = equilibrium(unit(0.35, 0.5).model(), 0.8 * most[0.35, True][4])
 for name, rest in (("centred", middle), (f"at {100 * pushed.static_eccentricity:.1f} %", pushed)):
     values = rest.eigenvalues(SPEED)
     slow = sorted((v for v in values if v.imag > 0), key=abs)[:4]

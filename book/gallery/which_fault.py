@@ -2,7 +2,7 @@
 
 The paper ends with a promise: nonlinear bearings and cracks also make a second harmonic. Here they stand side by side on
 the whole Kaplan unit, each as a force law on its own coordinates, all other degrees of freedom eliminated exactly. Every
-row is a steady state by harmonic balance with 12 harmonics: a stator offset, a guide bearing of pads with clearance, a
+row is a steady state by harmonic balance with 24 harmonics: a stator offset, a guide bearing of pads with clearance, a
 cavitated oil film (Dubois and Ocvirk 1953), a breathing crack (the hinge of Gasch 1993) and a slot. The engineer's test
 is to switch the excitation off.
 """

@@ -1,7 +1,8 @@
 """Free motion of a model: modes at one speed, frequencies at rest, and the Campbell diagram.
 
 A mode is q = Re(φ e^{λt}) with (λ² M + λ (C + Ω G) + K) φ = 0 (M. I. Friswell et al., Dynamics of
-Rotating Machines, 2010, section 5.5). A force law such as the magnetic pull is not in K and not in here.
+Rotating Machines, 2010, section 5.5). A force law such as the magnetic pull is not in K and not in
+here; a bearing of pads counts as closed, and a film as the spring that stands for it in K.
 """
 
 from __future__ import annotations

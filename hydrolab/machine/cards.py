@@ -1,8 +1,10 @@
 """Machine cards: a machine in TOML, every number with its unit and its source, read into a `Machine`.
 
 A number of a card is an inline table, `mass = { value = 110, unit = "t", source = "calibrated", note = "…" }`; the
-note is optional. Copy a shipped card (`card_text`), edit it, and load it by its path. A card is data and nothing of
-it is ever executed. A bad card raises `BadInput` with one sentence that names the key, its value and what is allowed.
+note is optional. Bearings are radial, thrust, of pads with clearance or with a film, by the number that tells
+(`BEARINGS`); `[[cracks]]` are in shaft elements. Copy a shipped card (`card_text`), edit it, and load it by its path. A
+card is data and nothing of it is ever executed. A bad card raises `BadInput` with one sentence that names the key, its
+value and what is allowed.
 """
 
 from __future__ import annotations
