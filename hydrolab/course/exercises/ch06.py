@@ -72,7 +72,7 @@ def kept(count: float) -> str:
     return f"noted. With {count:.0f} elements the third frequency is {off:.2g} % too high, with {4 * count + 4:.0f} numbers."
 
 
-STIFF, EXACT, MASS = "Stiffness from energy", "Against the exact shaft", "Mass, rotary inertia and spin"
+STIFF, EXACT, MASS = "Stiffness from energy, by hand", "Against the exact shaft", "Mass, rotary inertia and spin"
 
 EXERCISES = {
     "6.1": Exercise(lambda: middle() / 1e6, see="Eq. (6.7)", unit="MN/m", mistakes=(
