@@ -18,7 +18,6 @@ from hydrolab.dynamics.continuation import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.orbit_shape import ellipse, largest_vibration, self_crossings
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.machine.forces import LinearPull
 from hydrolab.stresses import stress_fluctuation
 from hydrolab.study import Study, recurrence
 
@@ -225,8 +224,8 @@ def sign_for_diagnosis(study: Study) -> Claim:
 
 def linear_underestimates(study: Study) -> Claim:
     """Claim 11: the negative stiffness underestimates the pull's effect."""
-    law = LinearPull(study.model.law.stiffness, study.model.gap)
-    linear, balance = replace(study.model, law=law), HarmonicBalance(1)
+    gap = replace(study.machine.air_gap, linear=True)
+    linear, balance = replace(study.machine, air_gap=gap, poles=None, shapes=()).model(), HarmonicBalance(1)
     rows = {}
     for p in (1.0, 3.0, 5.0, 7.0, 8.0, 8.8):
         exact = study.orbits[p]

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from hydrolab.dynamics.continuation import Arclength, follow, orbits_at, sweep
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.integrators import integrate
-from hydrolab.dynamics.reduction import truncation_error
+from hydrolab.dynamics.reduction import reduce, truncation_error
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory
 from hydrolab.dynamics.solvers import powell_dog_leg
 from hydrolab.dynamics.stability import Floquet, branch_stability, floquet_all
@@ -114,8 +114,8 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
         begin = balance.solve(model, speed)
         if floquet_all([begin])[0].verdict != "stable":
             raise NoConvergence(f"{machine.name} has no stable steady state even without eccentricity: the pull, "
-                                f"{model.law.stiffness:.3g} N/m, is too strong for its bearings and shaft. A lower field or "
-                                "stiffer bearings would give one.")
+                                f"{machine.air_gap.pull_stiffness:.3g} N/m, is too strong for its bearings and shaft. A "
+                                "lower field or stiffer bearings would give one.")
         branch = follow(model, speed=speed, to=0.9, start=begin, method=Arclength(balance))
         limit = branch.folds[0].value if branch.folds else float(branch.static_eccentricity[-1])
         if limit < 1e-3:
@@ -129,7 +129,7 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
         tell("steady states")(1, 1)
         stability = branch_stability(branch).points
         tell("stability")(1, 1)
-        method = CentralDifference(STEPS)
+        method = CentralDifference(stable_steps(model, speed))
         check = integrate(model, method, speed=speed, static_eccentricity=VALIDATION / 100 * scale,
                           revolutions=revolutions, ramp=ramp, progress=tell("direct integration at 8.8 %"))
         beyond = integrate(model, method, speed=speed, static_eccentricity=BEYOND / 100 * scale,
@@ -139,6 +139,15 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
         there = tuple(zip(there, floquet_all(there), strict=True))
     return Study(machine, model, speed, scale, branch, orbits, natural, stability, check, beyond, there,
                  truncation_error(model, check.model, speed, HARMONICS))
+
+
+def stable_steps(model: Model, speed: float) -> int:
+    """STEPS a revolution, doubled until central differences are stable: a bearing or a crack makes a stiffer basis."""
+    small, steps = reduce(model), STEPS
+    fastest = math.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(small.M, small.K))).max())
+    while fastest * 2 * math.pi / speed / steps > 2:
+        steps *= 2
+    return steps
 
 
 def recurrence(trajectory: Trajectory, periods: int = 1) -> float:

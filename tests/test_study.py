@@ -15,11 +15,12 @@ from hydrolab.cli import main
 from hydrolab.dynamics.orbit_shape import ellipse, self_crossings
 from hydrolab.machine.cards import card_text
 from hydrolab.machine.elements import shaft_element
+from hydrolab.machine.fault_parts import Crack
 from hydrolab.machine.forces import ShapedPull
 from hydrolab.machine.vary import vary
 from hydrolab.report import report
 from hydrolab.stresses import stress_fluctuation
-from hydrolab.study import run_study
+from hydrolab.study import run_study, stable_steps
 
 
 @pytest.fixture(scope="module")
@@ -155,6 +156,17 @@ def test_report_lets_another_code_rebuild_the_study(study, claims):
             answer = watch @ np.linalg.solve(K - (k * w)**2 * M + 1j * k * w * (C + w * G), load)
             stated = [orbit[c]["cos"][k - 1] - 1j * orbit[c]["sin"][k - 1] if k else orbit[c]["mean"] for c in "xz"]
             assert np.abs(answer - stated).max() < 1e-9
+
+
+@pytest.mark.parametrize("changes", [{"air_gap": replace(load_machine("kaplan-150rpm").air_gap, tilt=True)},
+                                     {"cracks": (Crack("crack", 2, 0.2),)}], ids=["tilt", "crack"])
+def test_the_study_of_a_machine_with_other_laws(changes):
+    """A stiffer basis gets more steps, and every claim is still judged and reported."""
+    study = run_study(replace(load_machine("kaplan-150rpm"), **changes), revolutions=12, ramp=4)
+    assert study.check.finished and stable_steps(study.model, study.speed) > 512
+    judged = judge(study)
+    assert len(judged) == len(CLAIMS)
+    json.dumps(report(study, judged))
 
 
 def test_command_writes_its_report(tmp_path, capsys, monkeypatch):
