@@ -179,7 +179,7 @@ class Controls:
         panel = self.panels[client.client_id] = Panel(client)
         gui = client.gui
         if self.sheet:
-            with gui.add_folder(self.sheet.title, order=3):
+            with gui.add_folder("run sheet", order=3):
                 self._add_sheet(panel, self.sheet)
         with gui.add_folder("machine", order=4):
             for slider in MACHINE:
@@ -244,7 +244,7 @@ class Controls:
 
     def _add_sheet(self, panel: Panel, sheet: RunSheet) -> None:
         gui = panel.client.gui
-        turn = gui.add_button_group("run sheet", ("back", "again", "next"))
+        turn = gui.add_button_group("go to", ("back", "again", "next"))
         words = gui.add_html(presenter_words(sheet, self.place))
 
         @turn.on_click

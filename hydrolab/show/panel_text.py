@@ -29,5 +29,6 @@ def presenter_words(sheet: RunSheet, place: int) -> str:
     before = sum(earlier.minutes for earlier in sheet.steps[:place])
     rows = "".join(f'<div style="margin-top: 0.5em"><b>{name}</b> {escape(text)}</div>'
                    for name, text in (("Do", step.cue), ("See", step.see)))
-    return (f'<div style="padding: 0.2em 0.9em 0.5em; font-size: 0.9em; line-height: 1.4">Step {place + 1} of '
-            f"{len(sheet.steps)}, minute {before:g} to {before + step.minutes:g} of {sheet.minutes:g}{rows}</div>")
+    where = (f"{escape(sheet.title)}: step {place + 1} of {len(sheet.steps)}, "
+             f"minute {before:g} to {before + step.minutes:g} of {sheet.minutes:g}")
+    return f'<div style="padding: 0.2em 0.9em 0.5em; font-size: 0.9em; line-height: 1.4">{where}{rows}</div>'

@@ -253,11 +253,11 @@ def test_whoever_leaves_takes_the_controls_along(room, raw):
 def test_a_presenter_goes_through_the_run_sheet(room, raw):
     presenter, watcher = raw(room.port), raw(room.port)
     give(presenter, "314159")
-    turn = presenter.control("run sheet")
+    turn = presenter.control("go to")
     assert room.scene.settings.static_eccentricity == 0.0
     presenter.set(turn, "next")
     presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.088))
-    presenter.wait(lambda me: "Step 2 of 3" in html_shown(me) and "do 2" in html_shown(me))
+    presenter.wait(lambda me: "A short one: step 2 of 3" in html_shown(me) and "do 2" in html_shown(me))
     watcher.wait(lambda me: "why 2?" in html_shown(me))
     assert "do 2" not in html_shown(watcher)
     camera = presenter.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraPositionMessage"])
@@ -266,7 +266,7 @@ def test_a_presenter_goes_through_the_run_sheet(room, raw):
     for press in ("next", "next", "next"):
         presenter.set(turn, press)
     presenter.wait(lambda _: room.scene.settings.leg == 2)
-    presenter.wait(lambda me: "Step 3 of 3" in html_shown(me) and "see &lt;3&gt;" in html_shown(me))
+    presenter.wait(lambda me: "step 3 of 3" in html_shown(me) and "see &lt;3&gt;" in html_shown(me))
     presenter.set(presenter.control("static eccentricity, %"), 1.0)
     presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.01))
     presenter.set(turn, "again")
