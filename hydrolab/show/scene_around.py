@@ -21,6 +21,7 @@ from hydrolab.show.style import COLOURS
 INSET = 1.9  # units of the drawing: radius of the gap circle in the inset
 LENS = math.radians(36)  # vertical field of view: a longer lens than a page's usual 75 degrees bends the machine less
 
+LETTERS = 0.3  # units of the drawing: height of a name's letters, so that words and machine keep their places at any size
 RISE = 0.44  # rad; how far above the horizon the first view stands
 
 Point = tuple[float, float, float]
@@ -143,10 +144,11 @@ def add_names(server: ViserServer, machine: Machine, sizes: Sizes, body_depths: 
     right, gap, names, u = -LEFT, machine.air_gap, [], sizes.unit
 
     def label(path: str, text: str, place: NDArray, scale: float, anchor: str = "center-left") -> Any:
-        return server.scene.add_label(path, text, position=tuple(place.tolist()), font_screen_scale=scale, anchor=anchor)
+        return server.scene.add_label(path, text, position=tuple(place.tolist()), anchor=anchor,
+                                      font_size_mode="scene", font_scene_height=LETTERS * scale * u)
 
     def name(text: str, place: NDArray, anchor: str = "center-left") -> None:
-        names.append(label(f"/names/{text}", text, place, 1.15, anchor))
+        names.append(label(f"/names/{text}", text, place, 1.0, anchor))
 
     for body, depth in zip(machine.bodies, body_depths, strict=True):
         reach = 1.24 * sizes.stator if gap and body.name == gap.body else 1.1 * drawn_radius(machine, body) + 0.2 * u
@@ -161,4 +163,4 @@ def add_names(server: ViserServer, machine: Machine, sizes: Sizes, body_depths: 
     inset = inset_place(sizes)
     name("stator, cut away", LEFT * 1.22 * sizes.stator + [0, 0, 0.2 * u], "center-right")
     name(f"orbit in its gap of {1e3 * gap.gap:.3g} mm", inset - [0, 0, (1.1 * INSET + 0.3) * u], "top-center")
-    return Names(names, label("/gap", "", inset + [0, 0, (1.1 * INSET + 0.2) * u], 1.9, "bottom-center"), scale)
+    return Names(names, label("/gap", "", inset + [0, 0, (1.1 * INSET + 0.2) * u], 1.55, "bottom-center"), scale)

@@ -45,7 +45,7 @@ def picture_of(scene: MachineScene, file: Path, width: int = 960, height: int = 
         page.goto(page_address(scene.server))
         page.wait_for_function(IS_DRAWN)
         page.add_style_tag(content=PANELS)
-        page.wait_for_timeout(4000)  # letters come in after the solids
+        page.wait_for_timeout(7000)  # letters come in after the solids
         page.screenshot(path=file)
         opened.close()
 
