@@ -75,7 +75,6 @@ EXERCISES = {
         Mistake(lambda right: 1e6 * orbit(4).amplitudes[0, 1], "This is with the whole pull.", see="By hand: the rotor"),
         Mistake(lambda right: 2 * right, "This is peak to peak; amplitudes are 0-to-peak here.", see="By hand: the rotor"),
         Mistake(lambda right: right / np.sqrt(2), "This is the rms value of the harmonic.", see="By hand: the rotor"),
-        Mistake(lambda right: 1e6 * orbit(4, True).amplitudes[1, 1], "This is 2X in z.", see="By hand: the rotor"),
     )),
     "4.4": Exercise(lambda: 4, see="How many harmonics", reply=kept),
 }
