@@ -17,7 +17,7 @@ import ipywidgets as widgets
 import traitlets
 
 from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.show.flipbook import MIME, Frame, flipbook, main_control, shown, slider_values
+from hydrolab.show.flipbook import FRAMES, MIME, Frame, flipbook, main_control, shown, slider_values
 from hydrolab.show.kept_figure import KeptFigure
 from hydrolab.show.picture import Picture
 
@@ -45,11 +45,12 @@ class FigureExplorer(widgets.VBox):
     the figure, as shares of its width and height from the lower left, to new values of controls, or None; with it a
     click on the picture sets them. start: called before the reset, for a view that remembers. Where there is no kernel,
     as in a stored notebook, the first picture and its reading stand in its place, and in the static book a flip-book
-    along the first slider.
+    of at most `frames` pictures along the first slider.
     """
 
     def __init__(self, view: View, kept: KeptFigure, controls: Mapping[str, Any], pick: Pick | None = None,
-                 start: Callable[[], None] | None = None) -> None:
+                 start: Callable[[], None] | None = None, frames: int = FRAMES) -> None:
+        self.frames = frames
         self.view, self.kept, self.controls = view, kept, dict(controls)
         self.pick, self.start = pick, start
         self.initial = {name: control.value for name, control in controls.items()}
@@ -103,7 +104,7 @@ class FigureExplorer(widgets.VBox):
         main, frames = self.controls[name], []
         if self.start:
             self.start()  # a view that remembers begins the book anew
-        for value in slider_values(main):
+        for value in slider_values(main, self.frames, self.initial[name]):
             frames.append(Frame(shown(main, value), *self._seen(self.initial | {name: value})))
         if self.start:
             self.start()

@@ -13,6 +13,8 @@ from hydrolab.show.explorer import FigureExplorer, slider
 from hydrolab.show.machine_views import guide_bearing
 from hydrolab.show.past_fold_view import PastFoldView
 
+FEW = 7  # frames of a flip-book: these three explorers stand in one notebook
+
 
 def eccentricity_explorer(machine: Machine | None = None, eccentricity: float | None = None) -> FigureExplorer:
     """The steady state of a machine at any static eccentricity and on any leg of its branch.
@@ -30,7 +32,7 @@ def eccentricity_explorer(machine: Machine | None = None, eccentricity: float | 
         "leg": widgets.ToggleButtons(options=view.names, value=1, description="leg of the branch",
                                      style={"button_width": "11em"}),
     }
-    return FigureExplorer(view, view.kept, controls, view.pick)
+    return FigureExplorer(view, view.kept, controls, view.pick, frames=FEW)
 
 
 def branch_explorer(machine: Machine | None = None, eccentricity: float | None = None) -> FigureExplorer:
@@ -64,7 +66,7 @@ def branch_explorer(machine: Machine | None = None, eccentricity: float | None =
         changes = {key: ratio[name] * value for name, (key, value) in numbers.items() if abs(ratio[name] - 1) > 1e-9}
         return view(eccentricity, changes)
 
-    return FigureExplorer(show, view.kept, controls)
+    return FigureExplorer(show, view.kept, controls, frames=FEW)
 
 
 def past_fold_explorer(machine: Machine | None = None, eccentricity: float = 8.5) -> FigureExplorer:
@@ -76,4 +78,4 @@ def past_fold_explorer(machine: Machine | None = None, eccentricity: float = 8.5
     view = PastFoldView(machine or load_machine("kaplan-150rpm"))
     top = round(104 * max(leg.high for leg in view.legs.all), 1)
     where = slider("static eccentricity, %", eccentricity, 0.0, top, STEP, 2)
-    return FigureExplorer(view, view.kept, {"eccentricity": where}, start=view.begin)
+    return FigureExplorer(view, view.kept, {"eccentricity": where}, start=view.begin, frames=FEW)

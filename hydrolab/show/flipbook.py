@@ -37,14 +37,15 @@ def main_control(controls: Mapping[str, Any]) -> str | None:
                  if hasattr(control, "readout") and (hasattr(control, "options") or hasattr(control, "step"))), None)
 
 
-def slider_values(control: Any, count: int = FRAMES) -> list[Any]:
-    """At most `count` values of a slider, both ends and the value it has among them, in its order."""
+def slider_values(control: Any, count: int = FRAMES, keep: Any = None) -> list[Any]:
+    """At most `count` values of a slider, in its order; both ends and `keep` (by default its value) are among them."""
+    keep = control.value if keep is None else keep
     if hasattr(control, "options"):
         options = [option[1] if isinstance(option, tuple) else option for option in control.options]
-        return [options[place] for place in _places(len(options) - 1, options.index(control.value), count)]
-    now = round((control.value - control.min) / control.step)
-    kind = int if isinstance(control.value, int) else float
-    return [control.value if place == now else kind(round(control.min + place * control.step, 12))
+        return [options[place] for place in _places(len(options) - 1, options.index(keep), count)]
+    now = round((keep - control.min) / control.step)
+    kind = int if isinstance(keep, int) else float
+    return [keep if place == now else kind(round(control.min + place * control.step, 12))
             for place in _places(round((control.max - control.min) / control.step), now, count)]
 
 

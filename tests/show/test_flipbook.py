@@ -94,3 +94,13 @@ def test_where_there_is_nothing_to_show_the_frame_says_so():
     book = json.loads(explorer._repr_mimebundle_()[MIME])
     assert book["frames"][6]["reading"].endswith("too far.")
     assert explorer.reading == gap_picture(0.2).reading
+
+
+def test_a_moved_explorer_still_begins_where_it_did():
+    explorer = Explorer(gap_picture, eccentricity=widgets.FloatSlider(value=0.23, min=0, max=0.6, step=0.01,
+                                                                      readout_format=".2f"))
+    explorer.frames = 4
+    explorer.controls["eccentricity"].value = 0.07
+    book = json.loads(explorer._repr_mimebundle_()[MIME])
+    assert [frame["value"] for frame in book["frames"]] == ["0.00", "0.23", "0.40", "0.60"]
+    assert book["start"] == 1 and book["frames"][1]["reading"] == gap_picture(0.23).reading
