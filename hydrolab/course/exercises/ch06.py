@@ -91,5 +91,5 @@ EXERCISES = {
         Mistake(lambda right: 1 / 3, "This is a rod with a straight shape; here the shape is a cubic.", see=MASS),
         Mistake(lambda right: 9 / 70, "This is the coupling of the two ends.", see=MASS),
     )),
-    "6.4": Exercise(lambda: 6, see="How it converges", reply=kept),
+    "6.4": Exercise(lambda: 20, see="How it converges", reply=kept),
 }

@@ -48,14 +48,19 @@ def beta(ratio: float) -> float:
 
 
 def runaway(factor: float) -> str:
-    """Where the lowest whirl is at runaway with a stiffer or softer guide bearing."""
-    if not 0.01 <= factor <= 100:
-        return f"noted, but {factor:g} is no factor from 0.01 to 100."
-    own = unit().bearings[0].stiffness[0, 0]
-    model = vary(unit(), {BEARING: factor * own}).model().with_field(0)
-    lowest = modes(replace(model, C=0 * model.C), rpm(375)).frequencies[0] / rpm(1)
-    verdict = "above" if lowest >= 450 else "below"
-    return f"noted. At 375 rpm the lowest whirl is at {lowest:.0f} per minute, {verdict} the 450 that were asked for."
+    """Where the first forward critical speed is, with the linear pull, for a stiffer or softer guide bearing."""
+    if not 0.3 <= factor <= 100:
+        return f"noted, but {factor:g} is no factor from 0.3 to 100."
+    model = vary(unit(), {BEARING: factor * unit().bearings[0].stiffness[0, 0]}).model()
+    pull = model.law.stiffness * model.selection.T @ model.selection
+    bare = replace(model.with_field(0), C=0 * model.C, K=model.K - pull)
+    for critical in campbell(bare, np.linspace(1, rpm(1500), 60), branches=6).critical_speeds:
+        found = modes(bare, critical)
+        if found.direction[np.abs(found.frequencies - critical).argmin()] == "forward":
+            verdict = "above" if critical >= rpm(450) else "below"
+            return (f"noted. The first forward critical speed is {critical / rpm(1):.0f} rpm, "
+                    f"{verdict} the 450 that were asked for.")
+    return "noted. There is no forward critical speed below 1500 rpm."
 
 
 ARM, CRITICAL, DAMPING = "A body at the end of an arm", "Critical speeds, by hand", "Damping, and what it is worth"
@@ -79,5 +84,5 @@ EXERCISES = {
         Mistake(lambda right: 2 * np.pi * right, "Frequencies in Hz stand where rad/s belong.", see=DAMPING),
         Mistake(lambda right: right / 2, "The ratio is βω/2, so β has a factor of two.", see=DAMPING),
     )),
-    "7.4": Exercise(lambda: 1.0, see="The unit and its runaway", reply=runaway),
+    "7.4": Exercise(lambda: 1.7, see="The unit and its runaway", reply=runaway),
 }
