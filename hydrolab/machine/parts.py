@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hydrolab.errors import BadInput
-from hydrolab.machine.checks import SI_UNITS, Entry, bearing_matrix, nickname, number, quantity, shown, vector
+from hydrolab.machine.air_gap import AirGap
+from hydrolab.machine.bearing_parts import RadialBearing, RayleighDamping, ThrustBearing
+from hydrolab.machine.checks import SI_UNITS, Entry, nickname, number, quantity, shown, vector
 from hydrolab.machine.fault_parts import Crack, JournalFilm, PadBearing
 from hydrolab.machine.gap_parts import GapShape, Poles, check_gap
 
 ELEMENTS = ("lalanne-ferraris", "timoshenko")
-MU_0 = 4e-7 * math.pi  # permeability of vacuum as the paper's Table 1 states it, H/m
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,93 +135,6 @@ class RigidBody:
         if self.Ip > 2 * self.Id * (1 + 1e-9):
             raise BadInput(f"{key}.Ip is {self.Ip:g} kg m^2; no rigid body has Ip above 2 Id, "
                            f"here {2 * self.Id:g} kg m^2.")
-
-
-@dataclass(frozen=True, eq=False)
-class RadialBearing:
-    """A linear radial bearing: force on the rotor −stiffness·u − damping·u̇ with u = (x, z).
-
-    stiffness (N/m) and damping (N s/m): one number (isotropic), two ([x, z]) or 2 × 2.
-    """
-
-    name: str
-    node: int
-    stiffness: NDArray
-    damping: NDArray | float = 0.0
-
-    def __post_init__(self) -> None:
-        key = f"bearings.{nickname('the name of a bearing', self.name)}"
-        object.__setattr__(self, "stiffness", bearing_matrix(f"{key}.stiffness", self.stiffness, "N/m"))
-        object.__setattr__(self, "damping", bearing_matrix(f"{key}.damping", self.damping, "N s/m"))
-
-
-@dataclass(frozen=True)
-class ThrustBearing:
-    """A thrust bearing seen by the lateral motion: an angular spring, N m/rad, at one node."""
-
-    name: str
-    node: int
-    tilt_stiffness: float
-
-    def __post_init__(self) -> None:
-        key = f"bearings.{nickname('the name of a bearing', self.name)}.tilt_stiffness"
-        object.__setattr__(self, "tilt_stiffness", number(key, self.tilt_stiffness, least=0, unit="N m/rad"))
-
-
-@dataclass(frozen=True)
-class RayleighDamping:
-    """C = αM + βK with the given damping ratios in the first and the second distinct mode at rest."""
-
-    ratio: tuple[float, float]
-
-    def __post_init__(self) -> None:
-        one = not np.iterable(self.ratio) or isinstance(self.ratio, (str, Mapping))
-        ratios = (self.ratio,) * 2 if one else self.ratio
-        checked = tuple(number("damping.ratio", r, least=0, below=1) for r in ratios)
-        if len(checked) != 2:
-            raise BadInput(f"damping.ratio has {len(checked)} entries; give one ratio or two.")
-        object.__setattr__(self, "ratio", checked)
-
-
-@dataclass(frozen=True)
-class AirGap:
-    """The generator's air gap (Villa et al., Table 1).
-
-    body: the name of the rigid body inside it. field: unperturbed flux density B0, T (rms).
-    mean_radius: u0, m. length: l0, m. gap: nominal gap g0, m.
-    tilt: whether the pull also feels the rotor lean in the stator, over the height l0 (`TiltedPull`).
-    linear: take the pull as a negative stiffness at any eccentricity, as design tools do (`LinearPull`).
-    tangential: pull across the eccentricity that damper circuits add, over the pull along it; above 0 it drives forward
-    whirl (`TangentialPull`).
-    """
-
-    body: str
-    field: float
-    mean_radius: float
-    length: float
-    gap: float
-    tilt: bool = False
-    linear: bool = False
-    tangential: float = 0.0
-
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "field", number("air_gap.field", self.field, least=0, unit="T"))
-        put(self, "mean_radius", number("air_gap.mean_radius", self.mean_radius, above=0, unit="m"))
-        put(self, "length", number("air_gap.length", self.length, above=0, unit="m"))
-        put(self, "gap", number("air_gap.gap", self.gap, above=0, unit="m"))
-        if self.gap >= self.mean_radius:
-            raise BadInput(f"air_gap.gap is {self.gap:g} m; it must be smaller than "
-                           f"air_gap.mean_radius, {self.mean_radius:g} m.")
-        put(self, "tangential", number("air_gap.tangential", self.tangential))
-        for name in ("tilt", "linear"):
-            if not isinstance(getattr(self, name), bool):
-                raise BadInput(f"air_gap.{name} is {shown(getattr(self, name))}; it must be true or false.")
-
-    @property
-    def pull_stiffness(self) -> float:
-        """π B0² u0 l0 / (µ0 g0), N/m: the pull per metre of a small displacement."""
-        return math.pi * self.field**2 * self.mean_radius * self.length / (MU_0 * self.gap)
 
 
 @dataclass(frozen=True, eq=False)

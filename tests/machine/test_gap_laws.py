@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from hydrolab.machine.air_gap import MU_0, AirGap
 from hydrolab.machine.field_wave import FieldWave, Wave, loaded
 from hydrolab.machine.forces import CircularPull, ShapedPull
-from hydrolab.machine.parts import MU_0, AirGap
 from hydrolab.machine.pole_pairs import PolePairPull, peak_field, series_force, truncated_size, whole_moment, whole_size
 from hydrolab.machine.shapes import Bulge, TurningPull, selection_rule, shaped_law
 from hydrolab.machine.tangential import TangentialPull
