@@ -1,6 +1,6 @@
 """The 3D view under load: `python -m tests.benchmarks.scene_load [--minutes 2] [--viewers 30]`.
 
-Clients in a process of their own read what a browser would. Reported: poses a second that one of them received, the
+Clients in a process of their own say where their camera is, which makes them viewers, and read what a browser would. Reported: poses a second that one of them received, the
 server's share of one core, the time from a setting to the first pose on the way to its new orbit, and the server's memory
 while viewers come and go (some never read).
 """
@@ -25,6 +25,9 @@ from hydrolab import load_machine
 from hydrolab.show.scene import MachineScene
 from hydrolab.show.server import close_server, open_server
 
+CAMERA = msgspec.msgpack.encode({
+    "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [3.0, 3.0, 3.0], "fov": 1.0, "near": 0.1,
+    "far": 100.0, "image_height": 480, "image_width": 640, "look_at": [0.0, 0.0, 0.0], "up_direction": [0.0, 0.0, 1.0]})
 OPTIONS = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "compression": None, "ping_interval": None}
 
 
@@ -40,6 +43,7 @@ async def watch(address: str, until: float, counts: bool) -> float:
     """Read until a time; return poses a second where they are counted."""
     poses, start = 0, None
     async with connect(address, **OPTIONS) as socket:
+        await socket.send(CAMERA)
         while time.time() < until:
             try:
                 data = await asyncio.wait_for(socket.recv(), 2.0)
@@ -59,7 +63,8 @@ async def come_and_go(address: str, until: float, deaf: bool) -> None:
     while time.time() < until:
         stay = min(until, time.time() + random.uniform(2, 12))
         if deaf:
-            async with connect(address, **OPTIONS):
+            async with connect(address, **OPTIONS) as socket:
+                await socket.send(CAMERA)
                 await asyncio.sleep(max(0.0, stay - time.time()))
         else:
             await watch(address, stay, False)
