@@ -46,7 +46,7 @@ from hydrolab.show.scene_parts import (
 )
 from hydrolab.show.scene_settings import SceneSettings, changed
 
-FAST, SLOW, FEW = 60.0, 40.0, 4  # frames a second, with up to FEW viewers and with more
+FAST, SLOW, FEW = 60.0, 36.0, 4  # frames a second, with up to FEW viewers and with more
 EASE = 0.035  # s; what is drawn follows a new orbit with this time constant
 SHARE = 0.28  # of the stator's radius: the gap as it is first drawn
 ARROW = 1.6  # units of the drawing: the arrow of the largest pull on the orbit

@@ -1,8 +1,8 @@
 """The 3D view under load: `python -m tests.benchmarks.scene_load [--minutes 2] [--viewers 30]`.
 
-Clients in a process of their own say where their camera is, which makes them viewers, and read what a browser would. Reported: poses a second that one of them received, the
-server's share of one core, the time from a setting to the first pose on the way to its new orbit, and the server's memory
-while viewers come and go (some never read).
+Clients in a process of their own say where their camera is, which makes them viewers, and read what a browser would.
+Reported: poses a second that one of them received, the server's share of one core, the time from a setting to the first
+pose on the way to its new orbit, and the server's memory while viewers come and go (some never read).
 """
 
 from __future__ import annotations
