@@ -124,7 +124,7 @@ def test_a_recorded_scene_plays(site, reader, chapter):
     assert frame.get_attribute("loading") == "lazy"
     assert "smallest gap" in frame.get_attribute("title")
     frame.scroll_into_view_if_needed()
-    frame.content_frame.locator("canvas").first.wait_for(timeout=30_000)
+    frame.content_frame.locator("canvas").first.wait_for(timeout=90_000)
     assert not reader.strangers
 
 

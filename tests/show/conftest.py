@@ -58,7 +58,7 @@ class RawClient:
     def set(self, uuid, value):
         return self.say({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
 
-    def wait(self, test, seconds=10.0):
+    def wait(self, test, seconds=30.0):
         """Wait until test(self) is true, and return it."""
         end = time.monotonic() + seconds
         while not (found := test(self)):

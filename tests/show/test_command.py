@@ -41,7 +41,7 @@ def test_before_a_room_it_prints_address_qr_code_and_pin(tmp_path):
         assert page.status == 200
     for _ in range(2):
         process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (0, "\nThe 3D view is closed.\n", "")
 
 

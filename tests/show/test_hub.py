@@ -36,7 +36,7 @@ def jupyter(tmp_path_factory):
     with log.open("w") as sink:
         process = subprocess.Popen(command, cwd=folder, env=os.environ | own, stdout=sink, stderr=subprocess.STDOUT)
     try:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 120
         while not (found := re.search(rf"http://127\.0\.0\.1:([1-9]\d*){PREFIX}", log.read_text(errors="replace"))):
             assert process.poll() is None and time.monotonic() < deadline, log.read_text()
             time.sleep(0.1)

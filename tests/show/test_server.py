@@ -132,7 +132,7 @@ def test_ctrl_c_ends_a_program_that_waits(tmp_path):
                                    "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)})
     port = int(process.stdout.readline())
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=20)
+    out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (0, "stopped\n", "")
     open_server(port=port)  # free again at once, as after a kernel restart
 
@@ -212,7 +212,7 @@ def every_other_message():
 
 def test_no_other_message_changes_or_stops_anything(slider_server, raw):
     watcher = raw(slider_server.get_port())
-    watcher.control("size")
+    watcher.wait(lambda me: {"size", "go"} <= set(me.labels()))
     kept = len(slider_server._websock_server._broadcast_buffer.message_from_id)
     before = len(watcher.heard)
     for message in every_other_message():
@@ -331,11 +331,10 @@ def test_thirty_clients_and_one_that_never_reads(slider_server, raw):
     assert len(current_gate().inside) == 33
     for client in [*deaf, *clients]:
         client.close()
-    end = time.monotonic() + 10
-    while current_gate().inside and time.monotonic() < end:
+    end = time.monotonic() + 30
+    while current_gate().inside or slider_server._websock_server._client_state_from_id:
+        assert time.monotonic() < end, "some are still inside"
         time.sleep(0.02)
-    assert not current_gate().inside
-    assert not slider_server._websock_server._client_state_from_id
 
 
 def can_bind(address):
