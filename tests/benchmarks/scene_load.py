@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import multiprocessing
 import random
 import resource
@@ -20,6 +21,7 @@ import msgspec
 import viser
 import zstandard
 from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed
 
 from hydrolab import load_machine
 from hydrolab.show.scene import MachineScene
@@ -59,15 +61,16 @@ async def watch(address: str, until: float, counts: bool) -> float:
 
 
 async def come_and_go(address: str, until: float, deaf: bool) -> None:
-    """A viewer that stays for seconds, comes back, and, where deaf, never reads."""
+    """A viewer that stays for seconds, comes back, and, where deaf, never reads; on a busy computer it tries again."""
     while time.time() < until:
         stay = min(until, time.time() + random.uniform(2, 12))
-        if deaf:
-            async with connect(address, **OPTIONS) as socket:
-                await socket.send(CAMERA)
-                await asyncio.sleep(max(0.0, stay - time.time()))
-        else:
-            await watch(address, stay, False)
+        with contextlib.suppress(OSError, ConnectionClosed):  # a TimeoutError is one of them
+            if deaf:
+                async with connect(address, **OPTIONS) as socket:
+                    await socket.send(CAMERA)
+                    await asyncio.sleep(max(0.0, stay - time.time()))
+            else:
+                await watch(address, stay, False)
 
 
 def crowd(port: int, viewers: int, seconds: float, moving: bool, answer: multiprocessing.Queue) -> None:
