@@ -6,6 +6,7 @@ import threading
 import time
 from typing import ClassVar
 
+import numpy as np
 import pytest
 
 from hydrolab.show.controls import Controls
@@ -26,6 +27,7 @@ class Settings:
     playing: bool = True
     names: bool = True
     dark: bool = False
+    view: str = "whole machine"
 
 
 class Stage:
@@ -167,6 +169,23 @@ def test_a_view_moves_only_the_camera_of_the_one_who_clicked(stage, raw):
     time.sleep(0.1)
     assert not [m for m in two.heard if m["type"].startswith("SetCamera")]
     assert not stage.scene.calls
+
+
+@pytest.mark.parametrize(("width", "height", "away"), [(640, 400, None), (1600, 400, None), (400, 800, 2.6), (800, 800, 1.3),
+                                                      (0, 0, None), (800, 0, None), (-4, 3, None), (1, 10**9, 1.3 / 0.3)])
+def test_a_narrow_window_sees_the_whole_view_from_further_away(stage, raw, width, height, away):
+    camera = raw.camera | {"image_width": width, "image_height": height}
+    client = raw(stage.port, hello=False)
+    client.say(camera)
+    client.control("view")
+    position, target = map(np.array, stage.scene.views["whole machine"])
+    moved = [m["position"] for m in client.heard if m["type"] == "SetCameraPositionMessage"]
+    assert moved == ([] if away is None else [pytest.approx(target + away * (position - target))])
+    client.set(client.control("view"), "generator")
+    client.wait(lambda me: len([m for m in me.heard if m["type"] == "SetCameraPositionMessage"]) > len(moved))
+    again = [m["position"] for m in client.heard if m["type"] == "SetCameraPositionMessage"][-1]
+    position, target = map(np.array, stage.scene.views["generator"])
+    assert again == pytest.approx(target + (away or 1.0) * (position - target))
 
 
 def html_shown(client):
