@@ -80,13 +80,15 @@ def scene_name(static_eccentricity: float, leg: int) -> str:
 
 
 def with_scenes(text: str, readings: Mapping[str, str]) -> str:
-    """A chapter's file with recorded 3D scenes before its exercises; each loads when a reader comes near.
+    """A chapter's file with recorded 3D scenes before its exercises, under a heading; each loads when a reader comes near.
 
     readings: what each scene shows, by where its file is.
     """
     notebook = json.loads(text)
-    scene = ("## The machine in 3D\n\nDrag to look around. A recording turns in a loop; `hydrolab show` opens the live "
-             "machine.")
+    heading = "## The machine in 3D\n\n"
+    scene = "Drag to look around. A recording turns in a loop; `hydrolab show` opens the live machine."
+    if not any(heading in text for text in sources(notebook)):
+        scene = heading + scene
     for place, reading in readings.items():
         words = html.escape(reading, quote=True)
         scene += f'\n\n<iframe class="scene" loading="lazy" title="{words}" src="{place}"></iframe>\n\n{words}'

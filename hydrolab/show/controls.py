@@ -209,7 +209,7 @@ class Controls:
 
     def _add_slider(self, panel: Panel, slider: Slider) -> None:
         low, high = (round(slider.units * bound, 6) for bound in self.scene.limits[slider.name])
-        value = min(max(slider.units * getattr(self.scene.settings, slider.name), low), high)
+        value = min(max(round(slider.units * getattr(self.scene.settings, slider.name), 6), low), high)
         handle = panel.client.gui.add_slider(slider.label, low, high, slider.step, value, hint=slider.hint)
         self._bind(panel, handle, slider.name, slider.units)
 

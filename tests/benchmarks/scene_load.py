@@ -139,6 +139,11 @@ def main() -> None:
     for viewers in (1, chosen.viewers):
         rate, share, _ = measured(port, viewers, 15.0)
         print(f"{viewers} viewers: {rate:.1f} poses/s, {100 * share:.0f} % of one core", flush=True)
+    spawn = multiprocessing.get_context("spawn")
+    watching = spawn.Process(target=crowd, args=(port, 1, 60.0, False, spawn.Queue()))
+    watching.start()
+    while not server.get_clients():
+        time.sleep(0.1)
     for name, wanted in {
         "eccentricity": [{"static_eccentricity": 0.002 * k} for k in range(1, 41)],
         "leg": [{"static_eccentricity": 0.088, "leg": 2 * (k % 2)} for k in range(1, 20)],
@@ -147,6 +152,7 @@ def main() -> None:
     }.items():
         ms = [1e3 * t for t in answers(scene, wanted)]
         print(f"{name} to new orbit: median {statistics.median(ms):.0f} ms, largest {max(ms):.0f} ms", flush=True)
+    watching.kill()
     scene.change(field=1.0, unbalance=1.0, leg=0)
     _, share, memory = measured(port, chosen.viewers, 60 * chosen.minutes + 4, moving=True)
     tenth = max(len(memory) // 10, 1)

@@ -1,5 +1,6 @@
 """Chapter 10 in a real browser: every cell runs, and its explorer does what a student expects of it."""
 
+import json
 import os
 import re
 from pathlib import Path
@@ -22,6 +23,21 @@ PIXELS = """async canvas => {
   return [...digest].map(byte => byte.toString(16).padStart(2, '0')).join('');
 }"""
 DRAWN = "print(__import__('hashlib').sha256(explorer.kept._last).hexdigest())"  # the same, of what the kernel drew
+FROZEN = """
+import json
+from hydrolab.show import server
+from hydrolab.show.poses import positions
+scene = next(stop.__self__ for stop in server._open.stops if hasattr(stop, '__self__') and hasattr(stop.__self__, 'shown'))
+scene.stop()
+scene.draw(1.0)
+print(json.dumps(positions(scene.where, scene.where.motion(1.0), scene.factor)[:scene.where.nodes].tolist()))
+"""
+BONES_ARE = """wanted => {
+  const found = [];
+  window.__viserMutable?.nodeRefFromName?.['/shaft']?.traverse(node => node.type === 'Bone' && found.push(node.position));
+  return found.length === wanted.length && wanted.every((place, i) => place.every(
+    (value, k) => Math.abs(value - found[i].getComponent(k)) < 1e-5));
+}"""
 
 pytestmark = pytest.mark.browser
 
@@ -110,6 +126,13 @@ def test_the_explorer_of_chapter_10(visit):
     before = clicked
     cell.get_by_role("button", name="Reset").press("Enter")
     assert changed(before) == first
+    same_picture()
+
+    # The machine in 3D, in its cell: the shaft's bones are where numpy says.
+    view = visit.show_cell("show(there[-1])").locator("iframe").element_handle().content_frame()
+    bones = json.loads(visit.run(FROZEN))
+    assert len(bones) == 13 and max(abs(x) for x, _, _ in bones) > 0.05
+    view.wait_for_function(BONES_ARE, arg=bones)
+    keep(page, "machine-in-a-cell")
     assert not visit.strangers, f"requests that leave this computer: {visit.strangers}"
     assert not visit.mistakes, visit.mistakes
-    same_picture()
