@@ -209,6 +209,21 @@ def test_a_click_on_the_branch_shows_that_orbit(leg, eccentricity):
     assert view.pick(0.02, 0.98) is None
 
 
+@pytest.mark.parametrize("name", ["branch", "past fold"])
+@pytest.mark.parametrize("leg, eccentricity", [(0, 5.0), (2, 8.4)])
+def test_a_click_on_a_branch_shows_the_orbits_there(name, leg, eccentricity):
+    explorer = explorer_of(name)
+    view = explorer.pick.__self__
+    orbit = view.legs.orbit(eccentricity / 100, leg)
+    axes, value = (view.gaps, 1e3 * orbit.smallest_gap) if name == "branch" else (view.diagram, 1e6 * orbit.amplitudes[0, 0])
+    place = axes.transData.transform((eccentricity, value))
+    x, y = view.kept.figure.transFigure.inverted().transform(place)
+    explorer._clicked(explorer.image, {"x": float(x), "y": float(y)}, [])
+    assert explorer.controls["eccentricity"].value == pytest.approx(eccentricity, abs=0.11)
+    assert f"{1e3 * orbit.smallest_gap:.2f} mm" in explorer.reading
+    assert view.pick(0.02, 0.02) is None
+
+
 def test_a_click_at_a_fold_stays_on_the_leg():
     view = explorer_of("eccentricity").view
     fold = view.legs.branch.at_fold(0)
