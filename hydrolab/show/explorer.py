@@ -8,7 +8,7 @@ afterwards, so a fast drag never queues up and always ends where the slider ends
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +61,7 @@ class FigureExplorer(widgets.VBox):
         self.reset = widgets.Button(description="Reset", tooltip="Back to the first values", layout={"width": "7em"})
         self.reset.on_click(self._back)
         for control in self.controls.values():
-            control.style.description_width = "13em"
+            control.style.description_width = wide_enough(control.description for control in controls.values())
             control.observe(self._show, "value")
         self._show()
         self.image.width = kept.width
@@ -132,6 +132,11 @@ class FigureExplorer(widgets.VBox):
         return super()._repr_mimebundle_(**kwargs) | self._first | self.flipbook()
 
 
+def wide_enough(words: Iterable[str], more: float = 1.0) -> str:
+    """A width that holds the longest of some words in JupyterLab's letters, and `more`, in em."""
+    return f"{0.56 * max(map(len, words)) + more:.1f}em"
+
+
 def slider(description: str, value: float, low: float, high: float, step: float, digits: int) -> widgets.FloatSlider:
     """A slider in the explorers' layout, sent while it moves."""
     return widgets.FloatSlider(value=value, min=low, max=high, step=step, description=description,
@@ -151,4 +156,5 @@ def steps(description: str, value: int, options: list[int]) -> widgets.Selection
 
 def choice(description: str, value: str, options: list[str]) -> widgets.ToggleButtons:
     """Buttons of which one is down."""
-    return widgets.ToggleButtons(value=value, options=options, description=description, style={"button_width": "11em"})
+    return widgets.ToggleButtons(value=value, options=options, description=description,
+                                 style={"button_width": wide_enough(options, 2.0)})

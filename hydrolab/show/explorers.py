@@ -9,7 +9,7 @@ from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
 from hydrolab.show.branch_view import BranchView
 from hydrolab.show.eccentricity_view import STEP, EccentricityView
-from hydrolab.show.explorer import FigureExplorer, slider
+from hydrolab.show.explorer import FigureExplorer, slider, wide_enough
 from hydrolab.show.machine_views import guide_bearing
 from hydrolab.show.past_fold_view import PastFoldView
 
@@ -30,7 +30,7 @@ def eccentricity_explorer(machine: Machine | None = None, eccentricity: float | 
     controls = {
         "eccentricity": slider("static eccentricity, %", start, 0.0, round(104 * max(leg.high for leg in legs), 1), STEP, 2),
         "leg": widgets.ToggleButtons(options=view.names, value=1, description="leg of the branch",
-                                     style={"button_width": "11em"}),
+                                     style={"button_width": wide_enough((name for name, _ in view.names), 2.0)}),
     }
     return FigureExplorer(view, view.kept, controls, view.pick, frames=FEW)
 
