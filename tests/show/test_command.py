@@ -37,11 +37,11 @@ def test_before_a_room_it_prints_address_qr_code_and_pin(tmp_path):
     address = re.search(r"watch at (http://127\.0\.0\.1:\d+/)", said)[1]
     assert qr_code(address) in said
     assert re.search(r"PIN \d{6}\n", said)
-    with urllib.request.urlopen(address, timeout=20) as page:
+    with urllib.request.urlopen(address, timeout=60) as page:
         assert page.status == 200
     for _ in range(2):
         process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=30)
+    out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (0, "\nThe 3D view is closed.\n", "")
 
 

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 import threading
-import time
 from typing import ClassVar
 
 import pytest
@@ -135,7 +134,9 @@ def test_a_fast_drag_ends_on_the_last_value(stage, raw):
     client.wait(lambda _: stage.scene.settings.static_eccentricity == pytest.approx(0.09))
     moved = [call["static_eccentricity"] for call in stage.scene.calls if "static_eccentricity" in call]
     assert moved == sorted(moved)
-    time.sleep(0.3)
+    client.wait(lambda me: "At 9.00 %" in html_shown(me))  # the panel has followed the scene, for all to read
+    client.set(client.control("slow motion ÷"), 30)
+    client.wait(lambda _: stage.scene.settings.slow_motion == 30)
     assert stage.scene.settings.static_eccentricity == pytest.approx(0.09)
 
 
@@ -150,21 +151,24 @@ def test_two_panels_follow_each_other_and_the_scene(stage, raw):
     stage.scene.change(static_eccentricity=0.05, names=False)
     one.wait(lambda me: value_heard(me, me.control(label)) == pytest.approx(5.0))
     two.wait(lambda me: value_heard(me, me.control("names")) is False)
-    calls = len(stage.scene.calls)
-    time.sleep(0.3)
-    assert len(stage.scene.calls) == calls  # following sets nothing
+    slow = two.control("slow motion ÷")
+    one.set(one.control("slow motion ÷"), 40)
+    two.wait(lambda me: value_heard(me, slow) == 40)
+    assert stage.scene.calls == [{"static_eccentricity": pytest.approx(0.088)},  # following sets nothing
+                                 {"static_eccentricity": 0.05, "names": False}, {"slow_motion": 40}]
 
 
 def test_a_view_moves_only_the_camera_of_the_one_who_clicked(stage, raw):
     one, two = raw(stage.port), raw(stage.port)
-    two.control("view")
+    names = two.control("names")
     one.set(one.control("view"), "generator")
     moved = one.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraPositionMessage"])
     assert list(moved[-1]["position"]) == [5.0, 5.0, 2.0]
     one.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraLookAtMessage" and not any(m["look_at"])])
-    time.sleep(0.1)
+    stage.scene.change(names=False)
+    two.wait(lambda me: value_heard(me, names) is False)  # so it has heard all that came before
     assert not [m for m in two.heard if m["type"].startswith("SetCamera")]
-    assert not stage.scene.calls
+    assert stage.scene.calls == [{"names": False}]
 
 
 def html_shown(client):
@@ -280,7 +284,7 @@ def test_a_presenter_goes_through_the_run_sheet(room, raw):
     presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.088))
     for press in ("back", "back", "back"):
         presenter.set(turn, press)
-    presenter.wait(lambda _: room.controls.place == 0)
+    presenter.wait(lambda _: room.controls.place == 0 and room.scene.settings.static_eccentricity == 0)
     assert room.scene.settings.leg == 0
 
 
