@@ -4,7 +4,16 @@ from pathlib import Path
 
 from hydrolab import __version__
 from hydrolab.course.api_page import api_page
-from hydrolab.course.pages import bibliography_page, chapter_page, contents, equations, linked, with_scene
+from hydrolab.course.pages import (
+    SCENES,
+    bibliography_page,
+    chapter_page,
+    contents,
+    equations,
+    linked,
+    scene_name,
+    with_scenes,
+)
 
 BOOK = Path(__file__).parent
 
@@ -52,9 +61,11 @@ def read(app, docname, source):
         source[0] = linked(source[0], {number: f"../{name}" for number, name in equations(BOOK).items()})
     elif docname[:1].isdigit():
         source[0] = chapter_page(source[0], equations(BOOK))
-        reading = Path(app.config.scenes or "none", f"{docname[:2]}.txt")
-        if reading.is_file():
-            source[0] = with_scene(source[0], f"_static/scenes/{docname[:2]}.html", reading.read_text(encoding="utf-8"))
+        names = [scene_name(*scene) for scene in SCENES.get(int(docname[:2]), ())]
+        if names and app.config.scenes:
+            source[0] = with_scenes(source[0], {
+                f"_static/scenes/{name}.html": Path(app.config.scenes, f"{name}.txt").read_text(encoding="utf-8")
+                for name in names})
 
 
 def setup(app):

@@ -5,11 +5,9 @@ the machine in 3D.
 from __future__ import annotations
 
 import argparse
-import errno
 import importlib.util
 import os
 import shutil
-import socket
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -18,6 +16,7 @@ from typing import Any
 
 from hydrolab import __version__
 from hydrolab.errors import BadInput, Contact, NoConvergence
+from hydrolab.ports import in_words, trouble
 
 LEFT_OUT = ("_build", "_static", "instructor", "conf.py", "index.md", "bibliography.md", "api.md", ".ipynb_checkpoints",
             "__pycache__")
@@ -87,22 +86,8 @@ def prepare_folder(folder: Path, book: Path | None = None) -> tuple[list[Path], 
 
 def check_port(ip: str, port: int) -> None:
     """Say in a sentence why nothing can listen on this address, before JupyterLab starts."""
-    try:
-        family, kind, protocol, _, address = socket.getaddrinfo(ip or None, port, type=socket.SOCK_STREAM,
-                                                                flags=socket.AI_PASSIVE)[0]
-    except (OSError, UnicodeError):
-        raise BadInput(f"--ip is {ip!r}; it must be an address of this computer, 127.0.0.1 for instance.") from None
-    with socket.socket(family, kind, protocol) as probe:
-        if os.name == "posix":  # as the server does; on Windows the option would let two servers share a port
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(address)
-        except OSError as error:
-            if error.errno == errno.EADDRNOTAVAIL:
-                raise BadInput(f"--ip is {ip}; it is no address of this computer. Try 127.0.0.1.") from None
-            if error.errno in (errno.EACCES, errno.EPERM):
-                raise BadInput(f"Port {port} is not allowed for this user; try a port from 1024 to 65535.") from None
-            raise BadInput(f"Port {port} is taken; leave --port out or try --port {min(port + 1, 65535)}.") from None
+    if (problem := trouble(ip, port)) is not None:
+        raise BadInput(in_words(problem, ip, port, "--ip", "--port"))
 
 
 def lab_arguments(folder: Path, *, ip: str, port: int | None, browser: bool) -> list[str]:

@@ -29,6 +29,7 @@ LAYERS = [
     ["hydrolab.machine"],
     ["hydrolab.dynamics"],
     ["hydrolab.maps", "hydrolab.faults"],
+    ["hydrolab.ports"],
     ["hydrolab"],  # the names a chapter imports
     ["hydrolab.show"],
     ["hydrolab.course", "hydrolab.*"],  # the study and what belongs to it lie beside the packages

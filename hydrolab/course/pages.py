@@ -22,7 +22,7 @@ NAMED = re.compile(r"\((\d+\.\d+)\)")
 DOI = re.compile(r"\bdoi:(10\.\d{4,}/[^\s,;]*[^\s,;.])")
 PARTS = {"A rotor in a field": range(0, 4), "Steady states": range(4, 6), "The machine": range(6, 9),
          "The study": range(9, 13)}
-SCENES = {0: (0.088, 0), 10: (0.088, 2)}  # chapter → static eccentricity and leg of its recorded 3D scene
+SCENES = {0: ((0.088, 0),), 10: ((0.0, 0), (0.05, 0), (0.088, 0), (0.088, 2))}  # static eccentricities and legs, by chapter
 PAGES = ("notation", "glossary", "errata", "bibliography", "api")  # for reference
 REFERENCE = re.compile(r"^- (.*?\*(?P<title>[^*\n]+)\*.*)$", re.MULTILINE)
 
@@ -74,12 +74,24 @@ def chapter_page(text: str, places: Mapping[str, str]) -> str:
     return json.dumps(notebook)
 
 
-def with_scene(text: str, place: str, reading: str) -> str:
-    """A chapter's file with a recorded 3D scene before its exercises; it loads when a reader comes near."""
+def scene_name(static_eccentricity: float, leg: int) -> str:
+    """The name of a recorded scene's file, without its ending: per cent of the gap, and the leg as people count."""
+    return f"{100 * static_eccentricity:g}-{leg + 1}"
+
+
+def with_scenes(text: str, readings: Mapping[str, str]) -> str:
+    """A chapter's file with recorded 3D scenes before its exercises, under a heading; each loads when a reader comes near.
+
+    readings: what each scene shows, by where its file is.
+    """
     notebook = json.loads(text)
-    words = html.escape(reading, quote=True)
-    scene = (f"## The machine in 3D\n\nDrag to look around. The recording turns in a loop; `hydrolab show` opens the live "
-             f'machine.\n\n<iframe class="scene" loading="lazy" title="{words}" src="{place}"></iframe>\n\n{words}')
+    heading = "## The machine in 3D\n\n"
+    scene = "Drag to look around. A recording turns in a loop; `hydrolab show` opens the live machine."
+    if not any(heading in text for text in sources(notebook)):
+        scene = heading + scene
+    for place, reading in readings.items():
+        words = html.escape(reading, quote=True)
+        scene += f'\n\n<iframe class="scene" loading="lazy" title="{words}" src="{place}"></iframe>\n\n{words}'
     at = next(i for i, cell in enumerate(notebook["cells"]) if "## Exercises" in _joined(cell["source"]).split("\n"))
     notebook["cells"].insert(at, {"cell_type": "markdown", "id": "scene", "metadata": {}, "source": scene})
     return json.dumps(notebook)

@@ -11,7 +11,7 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-from hydrolab.course.pages import SCENES
+from hydrolab.course.pages import SCENES, scene_name
 from hydrolab.errors import BadInput
 from hydrolab.machine.cards import load_machine
 from hydrolab.show.recording import record_machine
@@ -51,11 +51,11 @@ def build(book: Path, out: Path, *, instructor: bool = False) -> str:
 
 
 def record_scenes(folder: Path) -> None:
-    """Record the 3D scenes of the chapters as one HTML file each, with its reading as text beside it."""
+    """Record each 3D scene of the chapters as one HTML file, with its reading as text beside it."""
     machine = load_machine("kaplan-150rpm")
     folder.mkdir()
-    for chapter, (eccentricity, leg) in SCENES.items():
-        name = folder / f"{chapter:02d}.html"
+    for eccentricity, leg in sorted(set().union(*SCENES.values())):
+        name = folder / f"{scene_name(eccentricity, leg)}.html"
         name.with_suffix(".txt").write_text(record_machine(machine, name, eccentricity, leg, turns=1), encoding="utf-8")
 
 

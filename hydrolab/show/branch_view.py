@@ -18,7 +18,7 @@ from hydrolab.dynamics.update import update_branch
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.parts import Machine
 from hydrolab.machine.vary import vary
-from hydrolab.show.drawing import MM, REVOLUTION, UM, draw_axis
+from hydrolab.show.drawing import MM, REVOLUTION, UM, draw_axis, nearest
 from hydrolab.show.kept_figure import KeptFigure
 from hydrolab.show.moving import Legs, legs_of, round_up
 from hydrolab.show.readings import listed, percent
@@ -130,6 +130,17 @@ class BranchView:
                  for orbit, word in zip(orbits, verdicts, strict=True)]
         states = (f"{len(there)} steady state{'s' * (len(there) > 1)}: {listed(there)}" if there else "no steady state")
         return f"The branch {turns}. At {percent(eccentricity / 100)} it has {states}."
+
+    def pick(self, x: float, y: float) -> dict[str, float] | None:
+        """Eccentricity (%) of the branch's point nearest to a place in either diagram, or None off both.
+
+        x, y: shares of the figure's width and height from its lower left corner.
+        """
+        for which, axes in enumerate((self.first, self.gaps)):
+            eccentricity, values, _ = self.legs.dense(self._numbers(which))
+            if (at := nearest(axes, x, y, np.column_stack([eccentricity, values]))) is not None:
+                return {"eccentricity": round(eccentricity[at], 1)}
+        return None
 
     def _solve(self, eccentricity: float, changes: dict[str, float]) -> tuple[list[PeriodicOrbit], list[str]]:
         """The orbits at one eccentricity and their verdicts; the branch is moved if the machine has changed."""

@@ -18,6 +18,7 @@ from hydrolab.show.gate import address_of
 from hydrolab.show.panel_text import big_number, presenter_words, room_words
 from hydrolab.show.pin import Pin
 from hydrolab.show.run_sheet import RunSheet
+from hydrolab.show.scene_around import ASPECT, fitted
 from hydrolab.show.server import is_loopback, stop_with_server
 
 PERIOD = 0.1  # s between looks at what the scene shows
@@ -80,6 +81,12 @@ def orbit_labels(scene: Scene) -> tuple[str, ...]:
     return tuple(map(orbit_label, sorted({*scene.legs, scene.settings.leg})))
 
 
+def aspect_of(client: ClientHandle) -> float:
+    """Width over height of a client's picture; as the views are made for where it has none, hidden for instance."""
+    width, height = client.camera.image_width, client.camera.image_height
+    return max(width / height, 0.3) if width > 0 and height > 0 else ASPECT
+
+
 @dataclass(eq=False)
 class Panel:
     """The controls of one client, and what to call so that they show what the scene shows."""
@@ -109,6 +116,8 @@ class Controls:
 
     async def welcome(self, client: ClientHandle) -> None:
         """Give a new client its views, and its controls or the field for the PIN."""
+        if aspect_of(client) < ASPECT:
+            self.look(client, self.scene.settings.view)
         with client.atomic():
             self._add_views(client)
             if self.pin is not None:
@@ -144,8 +153,8 @@ class Controls:
         self.asked.content = room_words(step)
 
     def look(self, client: ClientHandle, view: str) -> None:
-        """Move the camera of one client, and nobody else's."""
-        position, target = self.scene.views[view]
+        """Move the camera of one client, and nobody else's, to where its window shows the whole view."""
+        position, target = fitted(self.scene.views[view], aspect_of(client))
         with client.atomic():
             client.camera.up_direction = (0.0, 0.0, 1.0)
             client.camera.position = position
@@ -200,7 +209,7 @@ class Controls:
 
     def _add_slider(self, panel: Panel, slider: Slider) -> None:
         low, high = (round(slider.units * bound, 6) for bound in self.scene.limits[slider.name])
-        value = min(max(slider.units * getattr(self.scene.settings, slider.name), low), high)
+        value = min(max(round(slider.units * getattr(self.scene.settings, slider.name), 6), low), high)
         handle = panel.client.gui.add_slider(slider.label, low, high, slider.step, value, hint=slider.hint)
         self._bind(panel, handle, slider.name, slider.units)
 

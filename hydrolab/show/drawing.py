@@ -55,6 +55,18 @@ def draw_axis(axes: Axes, label: str = "") -> None:
     axes.plot(0, 0, "+", color=COLOURS["axis"], markersize=11, markeredgewidth=1.6, label=label)
 
 
+def nearest(axes: Axes, x: float, y: float, points: NDArray) -> int | None:
+    """Which of some points (P, 2) of the axes is nearest to a place in the figure, as it is seen; None off the axes.
+
+    x, y: shares of the figure's width and height from its lower left corner.
+    """
+    box = axes.get_position()
+    place = np.array([(x - box.x0) / box.width, (y - box.y0) / box.height])
+    if not ((place > -0.03) & (place < 1.03)).all():
+        return None
+    return int(np.argmin(np.hypot(*((axes.transScale + axes.transLimits).transform(points) - place).T)))
+
+
 def draw_smallest_gap(axes: Axes, orbit: PeriodicOrbit) -> None:
     """A measure from the orbit to the circle where the gap is smallest."""
     path = orbit.positions(REVOLUTION)

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.machine.parts import Machine
-from hydrolab.show.drawing import MM, REVOLUTION, UM, draw_axis
+from hydrolab.show.drawing import MM, REVOLUTION, UM, draw_axis, nearest
 from hydrolab.show.kept_figure import KeptFigure
 from hydrolab.show.moving import Legs, legs_of, round_up
 from hydrolab.show.readings import orbit_reading, percent
@@ -141,16 +141,12 @@ class EccentricityView:
 
         x, y: shares of the figure's width and height from its lower left corner.
         """
-        box = self.diagram.get_position()
-        place = np.array([(x - box.x0) / box.width, (y - box.y0) / box.height])
-        if not ((place > -0.03) & (place < 1.03)).all():
-            return None
         eccentricity, values, legs = self.dense
-        points = self.diagram.transLimits.transform(np.column_stack([eccentricity, values]))
-        nearest = int(np.argmin(np.hypot(*(points - place).T)))
-        leg = self.legs.all[legs[nearest] - 1]
-        shown = min(max(round(eccentricity[nearest] / STEP) * STEP, 100 * leg.low), 100 * leg.high)  # a stop of the slider
-        return {"eccentricity": shown, "leg": int(legs[nearest])}
+        if (at := nearest(self.diagram, x, y, np.column_stack([eccentricity, values]))) is None:
+            return None
+        leg = self.legs.all[legs[at] - 1]
+        shown = min(max(round(eccentricity[at] / STEP) * STEP, 100 * leg.low), 100 * leg.high)  # a stop of the slider
+        return {"eccentricity": shown, "leg": int(legs[at])}
 
     def _fade(self, words: str) -> None:
         for artist in (self.path, self.large, self.now, self.here, self.measure, *self.shape):

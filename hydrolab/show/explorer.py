@@ -8,7 +8,7 @@ afterwards, so a fast drag never queues up and always ends where the slider ends
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +26,15 @@ Pick = Callable[[float, float], Mapping[str, Any] | None]
 
 
 class PictureWidget(anywidget.AnyWidget):
-    """A PNG and its reading in the browser: alt text, a line that a screen reader says when it changes, clicks.
+    """A picture and its reading in the browser: alt text, a line that a screen reader says when it changes, clicks.
 
-    value: PNG bytes. width: CSS pixels. clickable: send {"x", "y"} on a click, as shares from the lower left corner.
+    still: PNG. moving: the pixels that differ from it (`kept_figure.differing`), or nothing. width: CSS pixels.
+    clickable: send {"x", "y"} on a click, as shares from the lower left corner.
     """
 
     _esm = Path(__file__).with_name("picture_widget.js")
-    value = traitlets.Bytes(b"").tag(sync=True)
+    still = traitlets.Bytes(b"").tag(sync=True)
+    moving = traitlets.Bytes(b"").tag(sync=True)
     reading = traitlets.Unicode("").tag(sync=True)
     width = traitlets.Int(640).tag(sync=True)
     clickable = traitlets.Bool(False).tag(sync=True)
@@ -59,7 +61,7 @@ class FigureExplorer(widgets.VBox):
         self.reset = widgets.Button(description="Reset", tooltip="Back to the first values", layout={"width": "7em"})
         self.reset.on_click(self._back)
         for control in self.controls.values():
-            control.style.description_width = "13em"
+            control.style.description_width = wide_enough(control.description for control in controls.values())
             control.observe(self._show, "value")
         self._show()
         self.image.width = kept.width
@@ -83,18 +85,19 @@ class FigureExplorer(widgets.VBox):
                 control.observe(self._show, "value")
         self._show()
 
-    def _seen(self, values: Mapping[str, Any]) -> tuple[str, bytes]:
-        """What the view says of the controls' values, and its figure as PNG."""
+    def _asked(self, values: Mapping[str, Any]) -> tuple[str, bool]:
+        """What the view says of the controls' values, and whether it had something to show."""
         try:
-            return self.view(**values), self.kept.png()
+            return self.view(**values), True
         except (NoConvergence, Contact, BadInput) as error:
-            return f"Nothing to show here; the last picture is left in grey. {error}", self.kept.greyed()
+            return f"Nothing to show here; the last picture is left in grey. {error}", False
 
     def _show(self, change: Any = None) -> None:
         """Ask the view, and send its figure and its words in one message."""
-        reading, picture = self._seen({name: control.value for name, control in self.controls.items()})
+        reading, there = self._asked({name: control.value for name, control in self.controls.items()})
+        still, moving = self.kept.layers() if there else (self.kept.greyed(), b"")
         with self.image.hold_sync():
-            self.image.reading, self.image.value = reading, picture
+            self.image.reading, self.image.still, self.image.moving = reading, still, moving
 
     def flipbook(self) -> dict[str, str]:
         """What is seen along the first slider, the other controls as at the start, for a page without a kernel."""
@@ -105,7 +108,8 @@ class FigureExplorer(widgets.VBox):
         if self.start:
             self.start()  # a view that remembers begins the book anew
         for value in slider_values(main, self.frames, self.initial[name]):
-            frames.append(Frame(shown(main, value), *self._seen(self.initial | {name: value})))
+            reading, there = self._asked(self.initial | {name: value})
+            frames.append(Frame(shown(main, value), reading, self.kept.png() if there else self.kept.greyed()))
         if self.start:
             self.start()
         self._show()
@@ -128,6 +132,11 @@ class FigureExplorer(widgets.VBox):
         return super()._repr_mimebundle_(**kwargs) | self._first | self.flipbook()
 
 
+def wide_enough(words: Iterable[str], more: float = 1.0) -> str:
+    """A width that holds the longest of some words in JupyterLab's letters, and `more`, in em."""
+    return f"{0.56 * max(map(len, words)) + more:.1f}em"
+
+
 def slider(description: str, value: float, low: float, high: float, step: float, digits: int) -> widgets.FloatSlider:
     """A slider in the explorers' layout, sent while it moves."""
     return widgets.FloatSlider(value=value, min=low, max=high, step=step, description=description,
@@ -147,4 +156,5 @@ def steps(description: str, value: int, options: list[int]) -> widgets.Selection
 
 def choice(description: str, value: str, options: list[str]) -> widgets.ToggleButtons:
     """Buttons of which one is down."""
-    return widgets.ToggleButtons(value=value, options=options, description=description, style={"button_width": "11em"})
+    return widgets.ToggleButtons(value=value, options=options, description=description,
+                                 style={"button_width": wide_enough(options, 2.0)})

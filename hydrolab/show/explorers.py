@@ -9,7 +9,7 @@ from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
 from hydrolab.show.branch_view import BranchView
 from hydrolab.show.eccentricity_view import STEP, EccentricityView
-from hydrolab.show.explorer import FigureExplorer, slider
+from hydrolab.show.explorer import FigureExplorer, slider, wide_enough
 from hydrolab.show.machine_views import guide_bearing
 from hydrolab.show.past_fold_view import PastFoldView
 
@@ -30,7 +30,7 @@ def eccentricity_explorer(machine: Machine | None = None, eccentricity: float | 
     controls = {
         "eccentricity": slider("static eccentricity, %", start, 0.0, round(104 * max(leg.high for leg in legs), 1), STEP, 2),
         "leg": widgets.ToggleButtons(options=view.names, value=1, description="leg of the branch",
-                                     style={"button_width": "11em"}),
+                                     style={"button_width": wide_enough((name for name, _ in view.names), 2.0)}),
     }
     return FigureExplorer(view, view.kept, controls, view.pick, frames=FEW)
 
@@ -38,6 +38,7 @@ def eccentricity_explorer(machine: Machine | None = None, eccentricity: float | 
 def branch_explorer(machine: Machine | None = None, eccentricity: float | None = None) -> FigureExplorer:
     """The whole branch of a machine while its field, unbalance, rotor mass and guide-bearing stiffness change.
 
+    A click on the branch shows the orbits at that eccentricity.
     machine: by default the card "kaplan-150rpm". eccentricity: in per cent, where orbits are shown; by default a little
     before the first fold.
     Raises BadInput for a machine without an air gap, NoConvergence where there is no first steady state.
@@ -66,16 +67,17 @@ def branch_explorer(machine: Machine | None = None, eccentricity: float | None =
         changes = {key: ratio[name] * value for name, (key, value) in numbers.items() if abs(ratio[name] - 1) > 1e-9}
         return view(eccentricity, changes)
 
-    return FigureExplorer(show, view.kept, controls, frames=FEW)
+    return FigureExplorer(show, view.kept, controls, view.pick, frames=FEW)
 
 
 def past_fold_explorer(machine: Machine | None = None, eccentricity: float = 8.5) -> FigureExplorer:
     """Every orbit there is at an eccentricity, stable or not, and the jumps of a machine that is brought there slowly.
 
+    A click on the branch brings it to that eccentricity.
     machine: by default the card "kaplan-150rpm". eccentricity: in per cent, to begin with.
     Raises BadInput for a machine without an air gap, NoConvergence where there is no first steady state.
     """
     view = PastFoldView(machine or load_machine("kaplan-150rpm"))
     top = round(104 * max(leg.high for leg in view.legs.all), 1)
     where = slider("static eccentricity, %", eccentricity, 0.0, top, STEP, 2)
-    return FigureExplorer(view, view.kept, {"eccentricity": where}, start=view.begin, frames=FEW)
+    return FigureExplorer(view, view.kept, {"eccentricity": where}, view.pick, start=view.begin, frames=FEW)

@@ -1,6 +1,7 @@
-"""A figure that is drawn again and again: what stands still is drawn once, what moves is drawn over it.
+"""A figure that is drawn again and again: what stands still is drawn and sent once, what moves is drawn over it.
 
-Drawing a whole figure takes ten times as long as drawing the few lines of it that change.
+Drawing a whole figure takes ten times as long as drawing the few lines of it that change, and to write and read a PNG of
+it as long again; so a picture that follows a slider is a PNG of what stands still and the pixels that differ from it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ COMPRESSION = 1  # of the PNG: the quickest; larger files do not leave this comp
 class KeptFigure:
     """A figure with its own Agg canvas, and the artists of it that move.
 
-    Change the artists, then ask for `png()`. After changing anything else (limits, ticks, titles) call `redraw()`.
+    Change the artists, then ask for `png()`, or for `layers()`. After changing anything else (limits, ticks, titles) call
+    `redraw()`.
     """
 
     def __init__(self, figure: Figure, moving: Iterable[Artist]) -> None:
@@ -31,6 +33,7 @@ class KeptFigure:
         for artist in self.moving:
             artist.set_animated(True)  # left out when the still part is drawn, and in when the figure is saved
         self._still: Any = None
+        self._ground: tuple[NDArray, bytes] | None = None  # the still part, as pixels and as PNG
         self._last: NDArray | None = None
 
     @property
@@ -44,23 +47,37 @@ class KeptFigure:
 
     def png(self) -> bytes:
         """The figure as it is now, as PNG."""
+        return quick_png(self._pixels())
+
+    def layers(self) -> tuple[bytes, bytes]:
+        """The figure as it is now: what stands still, as PNG, and the pixels that `differ` from it."""
+        pixels = self._pixels()
+        if self._ground is None:
+            canvas = self.figure.canvas
+            canvas.restore_region(self._still)
+            still = np.array(canvas.buffer_rgba())
+            self._ground = still, quick_png(still)
+        return self._ground[1], differing(self._ground[0], pixels)
+
+    def _pixels(self) -> NDArray:
+        """The figure as it is now, (height, width, 4) of bytes, opaque."""
         canvas = self.figure.canvas
         if self._still is None:
             with house_style():
                 canvas.draw()  # also lays the panels out
             self.figure.set_layout_engine("none")
-            self._still = canvas.copy_from_bbox(self.figure.bbox)
+            self._still, self._ground = canvas.copy_from_bbox(self.figure.bbox), None
         renderer = canvas.get_renderer()
         canvas.restore_region(self._still)
         for artist in self.moving:
             artist.draw(renderer)
         self._last = np.array(canvas.buffer_rgba())
-        return quick_png(self._last)
+        return self._last
 
     def greyed(self, words: str = "nothing to show here") -> bytes:
         """The last picture in pale grey with words across it, as PNG; asked again, it does not fade further."""
         if self._last is None:
-            self.png()
+            self._pixels()
         renderer = self.figure.canvas.get_renderer()  # anew, where the figure was saved at another resolution
         pixels = np.asarray(renderer.buffer_rgba())
         pixels[...] = 255 - 0.35 * (255 - self._last[..., :3].mean(axis=2, keepdims=True))
@@ -71,6 +88,18 @@ class KeptFigure:
             note.draw(renderer)
         note.remove()
         return quick_png(pixels)
+
+
+def differing(still: NDArray, now: NDArray) -> bytes:
+    """The pixels of one picture that differ from another of the same size, in runs: 4-byte numbers, little end first.
+
+    How many runs there are, where each begins (counted along the rows), how long each is, and then all their pixels.
+    """
+    pixels = now.reshape(-1, 4).view("<u4")[:, 0]
+    at = np.flatnonzero(still.reshape(-1, 4).view("<u4")[:, 0] != pixels)
+    first = np.flatnonzero(np.diff(at, prepend=-2) != 1)
+    lengths = np.diff(first, append=len(at))
+    return np.concatenate([[len(first)], at[first], lengths, pixels[at]]).astype("<u4").tobytes()
 
 
 def quick_png(pixels: NDArray) -> bytes:

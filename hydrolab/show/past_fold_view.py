@@ -11,7 +11,7 @@ from hydrolab.dynamics.integrators import integrate
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
 from hydrolab.dynamics.time_methods import CentralDifference
 from hydrolab.machine.parts import Machine
-from hydrolab.show.drawing import MM, REVOLUTION, draw_axis
+from hydrolab.show.drawing import MM, REVOLUTION, draw_axis, nearest
 from hydrolab.show.eccentricity_view import STEP, draw_legs
 from hydrolab.show.kept_figure import KeptFigure
 from hydrolab.show.moving import legs_of
@@ -48,7 +48,8 @@ class PastFoldView:
             self.orbits = [left.plot([], [])[0] for _ in range(SEVERAL)]
             self.motion, = left.plot([], [], color=PURPLE, linewidth=1.2)
             self.words = left.annotate("", (0.5, 0.86), xycoords="axes fraction", ha="center", fontsize=14)
-            self.first = draw_legs(right, self.legs)
+            self.diagram, self.first = right, draw_legs(right, self.legs)
+            self.dense = self.legs.dense(self.first)
             self.cursor = right.axvline(0, color=COLOURS["axis"], linewidth=1)
             self.dots, = right.plot([], [], "o", color=COLOURS["axis"], markersize=7, linestyle="none")
             self.jumps, = right.plot([], [], color=PURPLE, linewidth=2, marker=".")
@@ -76,6 +77,15 @@ class PastFoldView:
         found = f"{len(there)} steady state{'s' * (len(there) != 1)}" + (f": {'; '.join(states)}" if states else "")
         told = f" {' '.join(self.story[-2:])}" if self.story else ""
         return f"At {percent(eccentricity / 100)} there {'is' if len(there) == 1 else 'are'} {found}. {self._where()}{told}"
+
+    def pick(self, x: float, y: float) -> dict[str, float] | None:
+        """Eccentricity (%) of the branch's point nearest to a place in the figure, or None off the diagram.
+
+        x, y: shares of the figure's width and height from its lower left corner.
+        """
+        eccentricity, values, _ = self.dense
+        at = nearest(self.diagram, x, y, np.column_stack([eccentricity, values]))
+        return None if at is None else {"eccentricity": round(eccentricity[at] / STEP) * STEP}
 
     def _where(self) -> str:
         if self.leg is not None:

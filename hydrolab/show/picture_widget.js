@@ -1,45 +1,62 @@
-// A picture and its reading. A click sends where it was, as shares of the width and of the height from below.
+// A picture and its reading. The picture is a PNG of what stands still and the pixels that differ from it, in runs: how
+// many, where each begins, how long each is, and their colours. A click sends where it was, as shares of the width and of
+// the height from below.
 export default {
   render({ model, el }) {
-    const image = document.createElement("img");
+    const canvas = document.createElement("canvas");
     const words = document.createElement("div");
-    image.style.cssText = "display: block; max-width: 98%; height: auto";
-    image.width = model.get("width");
+    const context = canvas.getContext("2d", { alpha: false, willReadFrequently: true });
+    canvas.style.cssText = `display: block; width: ${model.get("width")}px; max-width: 98%; height: auto`;
+    canvas.setAttribute("role", "img");
     words.style.cssText = "line-height: 1.5; max-width: 68em; min-height: 4.5em";
     words.setAttribute("role", "status");
     words.setAttribute("aria-live", "polite");
-    let address = "";
+    let still, ground, image, pixels;
 
-    function show() {
-      const old = address;
-      address = URL.createObjectURL(new Blob([model.get("value")], { type: "image/png" }));
-      image.onload = () => old && URL.revokeObjectURL(old);
-      image.src = address;
+    async function show() {
+      const wanted = model.get("still");
+      if (wanted !== still) {
+        const bitmap = await createImageBitmap(new Blob([wanted], { type: "image/png" }));
+        if (wanted !== model.get("still")) return; // a newer one is being read
+        canvas.width = bitmap.width;
+        canvas.height = bitmap.height;
+        context.drawImage(bitmap, 0, 0);
+        image = context.getImageData(0, 0, canvas.width, canvas.height);
+        pixels = new Uint32Array(image.data.buffer);
+        ground = pixels.slice();
+        still = wanted;
+      }
+      pixels.set(ground);
+      const { buffer, byteOffset, byteLength } = model.get("moving");
+      const runs = new Uint32Array(buffer.slice(byteOffset, byteOffset + byteLength));
+      const count = runs[0] ?? 0;
+      for (let run = 1, colours = 1 + 2 * count; run <= count; run++) {
+        const length = runs[run + count];
+        pixels.set(runs.subarray(colours, colours + length), runs[run]);
+        colours += length;
+      }
+      context.putImageData(image, 0, 0);
     }
 
     function say() {
-      image.alt = model.get("reading");
+      canvas.setAttribute("aria-label", model.get("reading"));
       words.textContent = model.get("reading");
     }
 
-    function click(event) {
-      model.send({ x: event.offsetX / image.clientWidth, y: 1 - event.offsetY / image.clientHeight });
+    function changed() {
+      say();
+      show();
     }
 
     if (model.get("clickable")) {
-      image.style.cursor = "crosshair";
-      image.title = "Click on the branch to see the orbit there";
-      image.addEventListener("click", click);
+      canvas.style.cursor = "crosshair";
+      canvas.title = "Click on the branch to see the orbit there";
+      canvas.addEventListener("click", event =>
+        model.send({ x: event.offsetX / canvas.clientWidth, y: 1 - event.offsetY / canvas.clientHeight }));
     }
-    model.on("change:value", show);
-    model.on("change:reading", say);
-    show();
-    say();
-    el.append(image, words);
-    return () => {
-      model.off("change:value", show);
-      model.off("change:reading", say);
-      URL.revokeObjectURL(address);
-    };
+    model.on("change", changed);
+    changed();
+    el.append(canvas, words);
+    return () => model.off("change", changed);
   },
 };

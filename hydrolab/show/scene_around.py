@@ -23,6 +23,7 @@ LENS = math.radians(36)  # vertical field of view: a longer lens than a page's u
 
 LETTERS = 0.3  # units of the drawing: height of a name's letters, so that words and machine keep their places at any size
 RISE = 0.44  # rad; how far above the horizon the first view stands
+ASPECT = 1.3  # width over height of the picture that the views fill
 
 Point = tuple[float, float, float]
 
@@ -45,8 +46,14 @@ def views_of(sizes: Sizes) -> dict[str, tuple[Point, Point]]:
         return tuple((centre + away * towards_view(rise)).tolist()), tuple(centre.tolist())
 
     return {"machine": seen(distance, RISE, 0.5 * (sizes.top + sizes.bottom) + 0.05 * u, 0.3 * u),
-            "air gap": seen(0.55 * distance + u, 0.85, sizes.top - 0.8 * u, 0.5 * u),
+            "air gap": seen(0.66 * distance + u, 0.85, sizes.top - 0.8 * u, 0.5 * u),
             "lower end": seen(0.42 * distance + u, 0.35, sizes.bottom + 1.2 * u, 0.4 * u)}
+
+
+def fitted(view: tuple[Point, Point], aspect: float) -> tuple[Point, Point]:
+    """A view from so far away that a picture of this width over height, as on a telephone, shows all of it too."""
+    position, target = np.array(view)
+    return tuple((target + max(1.0, ASPECT / aspect) * (position - target)).tolist()), view[1]
 
 
 def towards_view(rise: float) -> NDArray:
@@ -162,5 +169,6 @@ def add_names(server: ViserServer, machine: Machine, sizes: Sizes, body_depths: 
         return Names(names, None, scale)
     inset = inset_place(sizes)
     name("stator, cut away", LEFT * 1.22 * sizes.stator + [0, 0, 0.2 * u], "center-right")
+    name("arrow: magnetic pull", right * 0.35 * u + [0, 0, sizes.top + 1.1 * u])
     name(f"orbit in its gap of {1e3 * gap.gap:.3g} mm", inset - [0, 0, (1.1 * INSET + 0.3) * u], "top-center")
     return Names(names, label("/gap", "", inset + [0, 0, (1.1 * INSET + 0.2) * u], 1.55, "bottom-center"), scale)

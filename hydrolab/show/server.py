@@ -5,7 +5,6 @@ from __future__ import annotations
 import atexit
 import contextlib
 import errno
-import os
 import socket
 import threading
 from collections.abc import Callable, Iterator
@@ -16,6 +15,7 @@ import rich
 from viser import ViserServer
 
 from hydrolab.errors import BadInput
+from hydrolab.ports import in_words, trouble
 from hydrolab.show.gate import Gate
 
 FIRST_PORT = 8080
@@ -144,28 +144,9 @@ def _bindable(host: str, port: int | None, first: int) -> int:
     if port is not None and (isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535):
         raise BadInput(f"port is {port!r}; a port is a whole number from 1 to 65535, or 0 for any free one.")
     for candidate in [port] if port is not None else [first, *range(FIRST_PORT, FIRST_PORT + 100), 0]:
-        problem = _trouble(host, candidate)
+        problem = trouble(host, candidate)
         if problem is None:
             return candidate
-        if problem == errno.EADDRNOTAVAIL:
-            raise BadInput(f"host is {host!r}; it is no address of this computer. Try 127.0.0.1.")
-        if port is not None and problem in (errno.EACCES, errno.EPERM):
-            raise BadInput(f"Port {port} is not allowed for this user; try a port from 1024 to 65535.")
-    raise BadInput(f"Port {port} is taken; leave port out or try {min((port or 0) + 1, 65535)}.")
-
-
-def _trouble(host: str, port: int) -> int | None:
-    """The error number with which this computer refuses to listen there, or None where it does not."""
-    try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM,
-                                                                flags=socket.AI_PASSIVE)[0]
-    except (OSError, UnicodeError):
-        return errno.EADDRNOTAVAIL
-    with socket.socket(family, kind, protocol) as probe:
-        if os.name == "posix":  # as the server does; on Windows the option would let two servers share a port
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(address)
-        except OSError as error:
-            return error.errno
-    return None
+        if port is not None or problem == errno.EADDRNOTAVAIL:
+            raise BadInput(in_words(problem, host, candidate))
+    raise BadInput(in_words(problem, host, first))

@@ -15,8 +15,10 @@ from hydrolab.machine.cards import load_machine
 from hydrolab.show.recording import record_scene
 from hydrolab.show.run_sheet import RunSheet
 from hydrolab.show.scene import MachineScene
+from hydrolab.show.scene_around import fitted
 from hydrolab.show.server import close_server, open_server
 
+ASPECT = 1.0  # width over height of the scene beside the words
 DATA = re.compile(r'<script>window\.__VISER_EMBED_DATA__="([A-Za-z0-9+/=]*)";.*?</script>', re.DOTALL)
 
 
@@ -55,7 +57,8 @@ def record_sheet(sheet: RunSheet, path: Path, turns: int = 3, *, progress: Calla
         with tempfile.TemporaryDirectory() as folder:
             for done, step in enumerate(sheet.steps, 1):
                 scene.change(**step.settings)
-                server.initial_camera.position, server.initial_camera.look_at = scene.views[step.camera]
+                camera = server.initial_camera
+                camera.position, camera.look_at = fitted(scene.views[step.camera], ASPECT)
                 part = record_scene(scene, Path(folder) / "step.html", turns)
                 recordings.append(part.read_text(encoding="utf-8"))
                 if progress:
@@ -73,13 +76,14 @@ PAGE = """<!DOCTYPE html>
 <title>%TITLE%</title>
 <style>
 html, body { height: 100%; margin: 0; font: 17px/1.45 system-ui, sans-serif; color: #222; background: #fff }
-body { display: grid; grid-template-columns: minmax(18em, 26em) 1fr }
-section { padding: 1.2em 1.4em; overflow: auto; display: flex; flex-direction: column }
+body { display: grid; grid-template-columns: minmax(18em, 30%) 1fr }
+section { padding: 1.2em 1.4em 0; overflow: auto; display: flex; flex-direction: column }
 h1 { font-size: 1em; font-weight: 600; color: #555; margin: 0 0 1em }
 h2 { font-size: 1.5em; line-height: 1.2; margin: 0 0 .6em }
 dt { font-weight: 600; color: #0072b2; margin-top: .8em }
 dd { margin: 0 }
-nav { margin-top: auto; padding-top: 1.2em; display: flex; gap: .8em; align-items: center }
+nav { margin-top: auto; padding: 1em 0; display: flex; gap: .8em; align-items: center }
+nav { position: sticky; bottom: 0; background: #fff }
 button { font: inherit; padding: .5em 1.1em; border: 1px solid #888; border-radius: 6px; background: #f4f4f4 }
 button:disabled { opacity: .4 }
 iframe { border: 0; width: 100%; height: 100% }

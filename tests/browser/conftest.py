@@ -15,8 +15,9 @@ import pytest
 
 BROWSER = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
 TOKEN = "only-for-this-test"
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
-         "--disable-component-update", "--disable-sync", "--no-proxy-server"]
+FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-sync",
+         "--disable-component-update", "--no-proxy-server", "--use-gl=angle", "--use-angle=swiftshader",
+         "--enable-unsafe-swiftshader"]
 KERNEL = "window.jupyterapp.shell.currentWidget.sessionContext?.session?.kernel"
 
 

@@ -45,7 +45,7 @@ def hall(tmp_path):
         yield re.search(r"http://\S+", said)[0], re.search(r"PIN (\d{6})", said)[1]
         process.send_signal(signal.SIGINT)
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(60) == 0
         assert log.read_text().endswith("The 3D view is closed.\n")
     finally:
         process.kill()
@@ -56,6 +56,16 @@ def field(page, label):
     """The number or text box of a control of the panel."""
     return page.locator(f"label:has-text('{label}')").locator(
         "xpath=ancestor::*[contains(@class, 'Flex-root')][1]").locator("input:not([type=hidden])")
+
+
+def same_place(*pages):
+    """Wait until all pages show the stator at one place; one that is behind another is in no hurry."""
+    end = time.monotonic() + PATIENCE / 1000
+    while (places := [page.evaluate(STATOR) for page in pages]) != pytest.approx([places[0]] * len(pages), rel=1e-4):
+        assert time.monotonic() < end, places
+        for page in pages:
+            page.bring_to_front()
+            page.wait_for_timeout(200)
 
 
 def test_the_presenter_moves_the_machine_and_the_room_watches(hall, tmp_path):
@@ -93,9 +103,9 @@ def test_the_presenter_moves_the_machine_and_the_room_watches(hall, tmp_path):
         watcher.get_by_text("7.84 mm").first.wait_for()
         presenter.bring_to_front()
         presenter.wait_for_function(f"{STATOR} > 1e-2")
+        same_place(presenter, watcher)
         watcher.screenshot(path=shots / "room-watcher.png")
         presenter.screenshot(path=shots / "room-presenter.png")
-        assert presenter.evaluate(STATOR) == pytest.approx(watcher.evaluate(STATOR), rel=1e-4)
         assert watcher.get_by_text(LABEL).count() == 0
         assert watcher.get_by_text("next", exact=True).count() == 0
 

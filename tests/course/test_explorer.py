@@ -28,10 +28,10 @@ def test_the_explorer_asks_its_view_and_nothing_else():
         return gap_picture(eccentricity)
 
     explorer = Explorer(view, eccentricity=widgets.FloatSlider(value=0.2, min=0, max=0.6))
-    first = explorer.image.value
+    first = explorer.image.still
     explorer.controls["eccentricity"].value = 0.4
     assert asked == [0.2, 0.4]
-    assert explorer.image.value != first
+    assert explorer.image.still != first
     assert explorer.reading == gap_picture(0.4).reading
 
 

@@ -16,7 +16,7 @@ from websockets.sync.client import connect
 from hydrolab.show.server import close_server
 
 CAMERA = {"type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [3.0, 3.0, 3.0], "fov": 1.0,
-          "near": 0.1, "far": 100.0, "image_height": 480, "image_width": 640, "look_at": [0.0, 0.0, 0.0],
+          "near": 0.1, "far": 100.0, "image_height": 400, "image_width": 640, "look_at": [0.0, 0.0, 0.0],
           "up_direction": [0.0, 0.0, 1.0]}
 
 

@@ -5,6 +5,7 @@ import math
 import threading
 from typing import ClassVar
 
+import numpy as np
 import pytest
 
 from hydrolab.show.controls import Controls
@@ -25,6 +26,7 @@ class Settings:
     playing: bool = True
     names: bool = True
     dark: bool = False
+    view: str = "whole machine"
 
 
 class Stage:
@@ -90,11 +92,11 @@ def value_heard(client, uuid):
     return told[-1] if told else None
 
 
-def orbits_offered(client, uuid):
-    """The orbits this client was last told it can choose from; before that the scene takes no other."""
+def options_heard(client, uuid):
+    """The choices this client was last told of for a control, after those it began with."""
     told = [m["updates"]["options"] for m in list(client.heard)
             if m["type"] == "GuiUpdateMessage" and m["uuid"] == uuid and "options" in m["updates"]]
-    return list(told[-1]) if told else None
+    return told[-1] if told else ()
 
 
 def test_every_control_sets_its_setting(stage, raw):
@@ -106,7 +108,7 @@ def test_every_control_sets_its_setting(stage, raw):
         client.set(client.control(label), value)
         client.wait(lambda _, n=name, v=value: getattr(stage.scene.settings, n) is v)
     orbit = client.control("orbit")
-    client.wait(lambda me: orbits_offered(me, orbit) == ["1", "3"])
+    client.wait(lambda me: "3" in options_heard(me, orbit))
     client.set(orbit, "3")
     client.wait(lambda _: stage.scene.settings.leg == 2)
     client.set(client.control("step"), True)
@@ -147,7 +149,7 @@ def test_two_panels_follow_each_other_and_the_scene(stage, raw):
     one.set(one.control(label), 8.8)
     two.wait(lambda me: value_heard(me, theirs) == pytest.approx(8.8))
     orbit = two.control("orbit")
-    two.wait(lambda me: orbits_offered(me, orbit) == ["1", "3"])
+    two.wait(lambda me: list(options_heard(me, orbit)) == ["1", "3"])
     stage.scene.change(static_eccentricity=0.05, names=False)
     one.wait(lambda me: value_heard(me, me.control(label)) == pytest.approx(5.0))
     two.wait(lambda me: value_heard(me, me.control("names")) is False)
@@ -169,6 +171,23 @@ def test_a_view_moves_only_the_camera_of_the_one_who_clicked(stage, raw):
     two.wait(lambda me: value_heard(me, names) is False)  # so it has heard all that came before
     assert not [m for m in two.heard if m["type"].startswith("SetCamera")]
     assert stage.scene.calls == [{"names": False}]
+
+
+@pytest.mark.parametrize(("width", "height", "away"), [(640, 400, None), (1600, 400, None), (400, 800, 2.6), (800, 800, 1.3),
+                                                      (0, 0, None), (800, 0, None), (-4, 3, None), (1, 10**9, 1.3 / 0.3)])
+def test_a_narrow_window_sees_the_whole_view_from_further_away(stage, raw, width, height, away):
+    camera = raw.camera | {"image_width": width, "image_height": height}
+    client = raw(stage.port, hello=False)
+    client.say(camera)
+    client.control("view")
+    position, target = map(np.array, stage.scene.views["whole machine"])
+    moved = [m["position"] for m in client.heard if m["type"] == "SetCameraPositionMessage"]
+    assert moved == ([] if away is None else [pytest.approx(target + away * (position - target))])
+    client.set(client.control("view"), "generator")
+    client.wait(lambda me: len([m for m in me.heard if m["type"] == "SetCameraPositionMessage"]) > len(moved))
+    again = [m["position"] for m in client.heard if m["type"] == "SetCameraPositionMessage"][-1]
+    position, target = map(np.array, stage.scene.views["generator"])
+    assert again == pytest.approx(target + (away or 1.0) * (position - target))
 
 
 def html_shown(client):

@@ -1,11 +1,13 @@
 """Every explorer at both ends of every control and where there is nothing, and what its view shows against another way."""
 
+import io
 import math
 from dataclasses import replace
 
 import ipywidgets as widgets
 import numpy as np
 import pytest
+from PIL import Image
 
 from hydrolab import HarmonicBalance, load_machine
 from hydrolab.errors import BadInput, NoConvergence
@@ -43,6 +45,11 @@ def explorer_of(name):
     return MADE[name]
 
 
+def seen(explorer):
+    """The picture: what stands still, and the pixels that differ."""
+    return explorer.image.still, explorer.image.moving
+
+
 def ends(control):
     """Both ends of a slider, or every choice."""
     if isinstance(control, widgets.SelectionSlider):
@@ -55,13 +62,13 @@ def ends(control):
 @pytest.mark.parametrize("name", MAKE)
 def test_both_ends_of_every_control(name):
     explorer = explorer_of(name)
-    first, picture = explorer.reading, explorer.image.value
+    first, picture = explorer.reading, seen(explorer)
     for key, control in explorer.controls.items():
         shown = set()
         for value in ends(control):
             control.value = value
-            shown.add((explorer.reading, explorer.image.value))
-            assert explorer.image.value.startswith(b"\x89PNG")
+            shown.add((explorer.reading, seen(explorer)))
+            assert explorer.image.still.startswith(b"\x89PNG")
             assert len(explorer.reading) > 40 and "nan" not in explorer.reading.split(), (key, value)
         assert shown - {(first, picture)}, key
         explorer.reset.click()
@@ -71,10 +78,10 @@ def test_both_ends_of_every_control(name):
 @pytest.mark.parametrize("name", MAKE)
 def test_without_a_kernel_the_first_picture_stands_in(name):
     explorer = explorer_of(name)
-    first, picture = explorer.reading, explorer.image.value
+    first, picture = explorer.reading, seen(explorer)
     stored = explorer._repr_mimebundle_()
     assert stored["text/plain"] == first
-    assert (explorer.reading, explorer.image.value) == (first, picture), "storing it leaves it as it was"
+    assert (explorer.reading, seen(explorer)) == (first, picture), "storing it leaves it as it was"
     assert "data:image/" in stored["text/html"]
     assert not [number for number in stored["text/plain"].split() if len(number) > 12 and number[0].isdigit()]
 
@@ -121,17 +128,36 @@ def test_one_question_and_one_message_a_change(asked, monkeypatch):
     monkeypatch.setattr(type(asked.image), "send_state", lambda self, key=None: sent.append(set(key)))
     asked.controls["height"].value = 2.0
     assert asked.view.calls == [(1.0, "a"), (2.0, "a")]
-    assert sent == [{"value", "reading"}]
+    assert sent == [{"moving", "reading"}]
     asked.controls["height"].value = 2.0  # no change
     assert len(asked.view.calls) == 2
 
 
+def pixels_seen(explorer):
+    """What the browser makes of the two layers, pixels as 4-byte numbers along the rows."""
+    pixels = np.array(Image.open(io.BytesIO(explorer.image.still)).convert("RGBA")).reshape(-1, 4).view("<u4")[:, 0]
+    count, *runs = np.frombuffer(explorer.image.moving, "<u4")
+    at = np.concatenate([np.arange(s, s + n) for s, n in zip(runs[:count], runs[count:2 * count], strict=True)])
+    pixels[at] = runs[2 * count:]
+    return pixels
+
+
+@pytest.mark.parametrize("name", ["eccentricity", "asked"])
+def test_the_two_layers_are_the_picture(name, asked):
+    explorer = asked if name == "asked" else explorer_of(name)
+    slider = next(iter(explorer.controls.values()))
+    for value in (slider.value, 2.5, slider.max, 3.0):
+        slider.value = value
+        whole = np.array(Image.open(io.BytesIO(explorer.kept.png())).convert("RGBA")).reshape(-1, 4).view("<u4")[:, 0]
+        assert np.array_equal(pixels_seen(explorer), whole)
+
+
 def test_reset_puts_everything_back_and_draws_once(asked):
-    first = asked.image.value
+    first = seen(asked)
     asked.controls["height"].value, asked.controls["name"].value = 3.0, "b"
     before = len(asked.view.calls)
     asked.reset.click()
-    assert (asked.reading, asked.image.value) == ("a 1.0", first)
+    assert (asked.reading, seen(asked)) == ("a 1.0", first)
     assert len(asked.view.calls) == before + 1
     asked.controls["height"].value = 2.0
     assert asked.reading == "a 2.0"
@@ -139,15 +165,15 @@ def test_reset_puts_everything_back_and_draws_once(asked):
 
 def test_a_view_that_refuses_leaves_grey_and_a_reason(asked):
     asked.controls["height"].value = 3.0
-    shown = asked.image.value
+    shown = seen(asked)
     asked.controls["height"].value = -1.0
-    grey = asked.image.value
+    grey = seen(asked)
     assert asked.reading == "Nothing to show here; the last picture is left in grey. there is none below zero."
     assert grey != shown
     asked.controls["height"].value = -0.5
-    assert asked.image.value == grey, "it does not fade further"
+    assert seen(asked) == grey, "it does not fade further"
     asked.controls["height"].value = 3.0
-    assert (asked.image.value, asked.reading) == (shown, "a 3.0")
+    assert (seen(asked), asked.reading) == (shown, "a 3.0")
 
 
 def test_a_mistake_in_a_view_is_not_hidden():
@@ -181,6 +207,21 @@ def test_a_click_on_the_branch_shows_that_orbit(leg, eccentricity):
     assert explorer.controls["eccentricity"].value == pytest.approx(eccentricity, abs=0.051)
     assert explorer.reading.startswith(f"Leg {leg}, ")
     assert view.pick(0.02, 0.98) is None
+
+
+@pytest.mark.parametrize("name", ["branch", "past fold"])
+@pytest.mark.parametrize("leg, eccentricity", [(0, 5.0), (2, 8.4)])
+def test_a_click_on_a_branch_shows_the_orbits_there(name, leg, eccentricity):
+    explorer = explorer_of(name)
+    view = explorer.pick.__self__
+    orbit = view.legs.orbit(eccentricity / 100, leg)
+    axes, value = (view.gaps, 1e3 * orbit.smallest_gap) if name == "branch" else (view.diagram, 1e6 * orbit.amplitudes[0, 0])
+    place = axes.transData.transform((eccentricity, value))
+    x, y = view.kept.figure.transFigure.inverted().transform(place)
+    explorer._clicked(explorer.image, {"x": float(x), "y": float(y)}, [])
+    assert explorer.controls["eccentricity"].value == pytest.approx(eccentricity, abs=0.11)
+    assert f"{1e3 * orbit.smallest_gap:.2f} mm" in explorer.reading
+    assert view.pick(0.02, 0.02) is None
 
 
 def test_a_click_at_a_fold_stays_on_the_leg():
