@@ -55,10 +55,10 @@ def open_server(host: str = "127.0.0.1", port: int | None = None, *, room: bool 
         wanted = _bindable(host, port, last)
         with quiet_rich():
             server = ViserServer(host, wanted, label=label, verbose=False)
-        if wanted and server.get_port() != wanted:  # taken in between, and viser went on to the next
+        if port and server.get_port() != port:  # taken in between, and viser went on to the next
             with quiet_rich():
                 server.stop()
-            raise BadInput(f"Port {wanted} is taken; leave port out or try {min(wanted + 1, 65535)}.")
+            raise BadInput(f"Port {port} is taken; leave port out or try {min(port + 1, 65535)}.")
         atexit.unregister(close_server)
         atexit.register(close_server)  # after viser's own, so that it runs before it
         gate = Gate(server, viewers)

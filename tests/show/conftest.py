@@ -27,7 +27,7 @@ class RawClient:
         self.heard: list[dict] = []
         self.closed: str | None = None
         options = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "compression": None,
-                   "proxy": None} | options
+                   "proxy": None, "open_timeout": 60} | options
         if source:  # as if from another computer
             options["sock"] = socket.create_connection((host, port), source_address=(source, 0))
         self.socket = connect(f"ws://{host}:{port}/", **options)
@@ -58,7 +58,7 @@ class RawClient:
     def set(self, uuid, value):
         return self.say({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
 
-    def wait(self, test, seconds=30.0):
+    def wait(self, test, seconds=60.0):
         """Wait until test(self) is true, and return it."""
         end = time.monotonic() + seconds
         while not (found := test(self)):

@@ -37,7 +37,7 @@ def test_before_a_room_it_prints_address_qr_code_and_pin(tmp_path):
     address = re.search(r"watch at (http://127\.0\.0\.1:\d+/)", said)[1]
     assert qr_code(address) in said
     assert re.search(r"PIN \d{6}\n", said)
-    with urllib.request.urlopen(address, timeout=20) as page:
+    with urllib.request.urlopen(address, timeout=60) as page:
         assert page.status == 200
     for _ in range(2):
         process.send_signal(signal.SIGINT)

@@ -3,7 +3,6 @@
 import dataclasses
 import math
 import threading
-import time
 from typing import ClassVar
 
 import numpy as np
@@ -137,7 +136,9 @@ def test_a_fast_drag_ends_on_the_last_value(stage, raw):
     client.wait(lambda _: stage.scene.settings.static_eccentricity == pytest.approx(0.09))
     moved = [call["static_eccentricity"] for call in stage.scene.calls if "static_eccentricity" in call]
     assert moved == sorted(moved)
-    time.sleep(0.3)
+    client.wait(lambda me: "At 9.00 %" in html_shown(me))  # the panel has followed the scene, for all to read
+    client.set(client.control("slow motion ÷"), 30)
+    client.wait(lambda _: stage.scene.settings.slow_motion == 30)
     assert stage.scene.settings.static_eccentricity == pytest.approx(0.09)
 
 
@@ -148,27 +149,28 @@ def test_two_panels_follow_each_other_and_the_scene(stage, raw):
     one.set(one.control(label), 8.8)
     two.wait(lambda me: value_heard(me, theirs) == pytest.approx(8.8))
     orbit = two.control("orbit")
-    shown = two.wait(lambda me: [m["updates"] for m in me.heard if m["type"] == "GuiUpdateMessage"
-                                 and m["uuid"] == orbit and m["updates"].get("options")])
-    assert list(shown[-1]["options"]) == ["1", "3"]
+    two.wait(lambda me: list(options_heard(me, orbit)) == ["1", "3"])
     stage.scene.change(static_eccentricity=0.05, names=False)
     one.wait(lambda me: value_heard(me, me.control(label)) == pytest.approx(5.0))
     two.wait(lambda me: value_heard(me, me.control("names")) is False)
-    calls = len(stage.scene.calls)
-    time.sleep(0.3)
-    assert len(stage.scene.calls) == calls  # following sets nothing
+    slow = two.control("slow motion ÷")
+    one.set(one.control("slow motion ÷"), 40)
+    two.wait(lambda me: value_heard(me, slow) == 40)
+    assert stage.scene.calls == [{"static_eccentricity": pytest.approx(0.088)},  # following sets nothing
+                                 {"static_eccentricity": 0.05, "names": False}, {"slow_motion": 40}]
 
 
 def test_a_view_moves_only_the_camera_of_the_one_who_clicked(stage, raw):
     one, two = raw(stage.port), raw(stage.port)
-    two.control("view")
+    names = two.control("names")
     one.set(one.control("view"), "generator")
     moved = one.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraPositionMessage"])
     assert list(moved[-1]["position"]) == [5.0, 5.0, 2.0]
     one.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraLookAtMessage" and not any(m["look_at"])])
-    time.sleep(0.1)
+    stage.scene.change(names=False)
+    two.wait(lambda me: value_heard(me, names) is False)  # so it has heard all that came before
     assert not [m for m in two.heard if m["type"].startswith("SetCamera")]
-    assert not stage.scene.calls
+    assert stage.scene.calls == [{"names": False}]
 
 
 @pytest.mark.parametrize(("width", "height", "away"), [(640, 400, None), (1600, 400, None), (400, 800, 2.6), (800, 800, 1.3),
@@ -301,7 +303,8 @@ def test_a_presenter_goes_through_the_run_sheet(room, raw):
     presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.088))
     for press in ("back", "back", "back"):
         presenter.set(turn, press)
-    presenter.wait(lambda _: room.controls.place == 0 and room.scene.settings.leg == 0)
+    presenter.wait(lambda _: room.controls.place == 0 and room.scene.settings.static_eccentricity == 0)
+    assert room.scene.settings.leg == 0
 
 
 # --- the parts ----------------------------------------------------------------------------------------------------

@@ -69,10 +69,10 @@ def test_the_page_comes_through_the_hub_with_its_token(jupyter, server):
     address = frame_address(server)
     assert address == f"{PREFIX}proxy/{server.get_port()}/"
     request = urllib.request.Request(f"http://{jupyter}{address}", headers={"Authorization": f"token {TOKEN}"})
-    with urllib.request.urlopen(request, timeout=20) as page:
+    with urllib.request.urlopen(request, timeout=60) as page:
         assert page.status == 200
         text = page.read()
-    with urllib.request.urlopen(f"http://127.0.0.1:{server.get_port()}/", timeout=20) as own:
+    with urllib.request.urlopen(f"http://127.0.0.1:{server.get_port()}/", timeout=60) as own:
         assert text == own.read()
 
 
@@ -84,7 +84,7 @@ def test_without_the_token_there_is_no_page(jupyter, server, headers):
 
     opener = urllib.request.build_opener(Stay)
     with pytest.raises(urllib.error.HTTPError) as refused:
-        opener.open(urllib.request.Request(f"http://{jupyter}{frame_address(server)}", headers=headers), timeout=20)
+        opener.open(urllib.request.Request(f"http://{jupyter}{frame_address(server)}", headers=headers), timeout=60)
     refused.value.close()
     assert refused.value.code == 403 or "/login" in refused.value.headers["Location"]
 
@@ -92,16 +92,17 @@ def test_without_the_token_there_is_no_page(jupyter, server, headers):
 def websocket(jupyter, server, headers):
     """A connection to the 3D server through the hub, as the page in the frame opens it."""
     return connect(f"ws://{jupyter}{frame_address(server).removesuffix('/')}", subprotocols=[f"viser-v{viser.__version__}"],
-                   origin=f"http://{jupyter}", additional_headers=headers, compression=None, max_size=None, proxy=None)
+                   origin=f"http://{jupyter}", additional_headers=headers, compression=None, max_size=None, proxy=None,
+                   open_timeout=60)
 
 
 def test_the_scene_comes_through_the_hub_with_its_cookie(jupyter, server):
     jar = CookieJar()
     opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(jar))
-    opener.open(f"http://{jupyter}{PREFIX}api/status?token={TOKEN}", timeout=20).close()
+    opener.open(f"http://{jupyter}{PREFIX}api/status?token={TOKEN}", timeout=60).close()
     cookies = "; ".join(f"{cookie.name}={cookie.value}" for cookie in jar)
     with websocket(jupyter, server, {"Cookie": cookies}) as socket:
-        assert len(socket.recv(timeout=20)) > 100
+        assert len(socket.recv(timeout=60)) > 100
 
 
 def test_without_the_token_there_is_no_scene(jupyter, server):

@@ -19,6 +19,12 @@ def branch(unit):
     return follow(unit.model(), "static_eccentricity", to=0.12, speed=unit.speed)
 
 
+@pytest.fixture(autouse=True)
+def port_of_its_own(monkeypatch):
+    """Any free port first: another process may take 8080 between two servers."""
+    monkeypatch.setattr("hydrolab.show.server.FIRST_PORT", 0)
+
+
 def bundle(view):
     return view._repr_mimebundle_(include=None, exclude=None)
 

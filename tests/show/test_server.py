@@ -60,7 +60,7 @@ def test_it_listens_on_this_computer_alone():
     server = open_server()
     assert server.get_host() == "127.0.0.1"
     assert current_server() is server
-    with urllib.request.urlopen(page_address(server), timeout=10) as page:
+    with urllib.request.urlopen(page_address(server), timeout=60) as page:
         assert b"<html" in page.read(2000)
     try:
         address = room_address()
@@ -86,18 +86,13 @@ def test_a_second_server_takes_the_place_and_the_port_of_the_first():
         stop_with_server(print)
 
 
-def test_a_taken_port_is_named_or_passed_over():
+def test_a_taken_port_is_named_or_passed_over(monkeypatch):
     with socket.create_server(("127.0.0.1", 0)) as other:
         taken = other.getsockname()[1]
         with pytest.raises(BadInput, match=f"Port {taken} is taken; leave port out or try"):
             open_server(port=taken)
-    with socket.socket() as other:
-        try:
-            other.bind(("127.0.0.1", 8080))
-            other.listen()
-        except OSError:
-            pass  # someone else has it: as good
-        assert open_server().get_port() != 8080
+        monkeypatch.setattr("hydrolab.show.server.FIRST_PORT", taken)
+        assert open_server().get_port() != taken
 
 
 @pytest.mark.parametrize(("options", "words"), [
@@ -125,7 +120,7 @@ def test_nothing_is_printed(capfd):
 def test_ctrl_c_ends_a_program_that_waits(tmp_path):
     program = ("from hydrolab.show.server import open_server\nimport time\n"
                "server = open_server(port=0)\n"
-               "try:\n    print(server.get_port(), flush=True)\n    time.sleep(60)\n"
+               "try:\n    print(server.get_port(), flush=True)\n    time.sleep(600)\n"
                "except KeyboardInterrupt:\n    print('stopped')\n")
     process = subprocess.Popen([sys.executable, "-W", "error", "-c", program], stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE, text=True, cwd=tmp_path, env=os.environ | {
@@ -195,7 +190,7 @@ def test_the_unguarded_server_would_have_asked_for_a_tunnel(raw, monkeypatch):
     server = ViserServer("127.0.0.1", 0, verbose=False)
     try:
         raw(server.get_port()).say({"type": "ShareUrlRequest"})
-        assert asked.wait(10)
+        assert asked.wait(60)
     finally:
         server.stop()
 
@@ -212,7 +207,9 @@ def every_other_message():
 
 def test_no_other_message_changes_or_stops_anything(slider_server, raw):
     watcher = raw(slider_server.get_port())
-    watcher.wait(lambda me: {"size", "go"} <= set(me.labels()))
+    watcher.control("go")
+    last = slider_server.scene.add_frame("/last")
+    watcher.wait(lambda me: any(m.get("name") == "/last" for m in me.heard))  # so it has heard all there is
     kept = len(slider_server._websock_server._broadcast_buffer.message_from_id)
     before = len(watcher.heard)
     for message in every_other_message():
@@ -221,7 +218,8 @@ def test_no_other_message_changes_or_stops_anything(slider_server, raw):
         client.close()
     assert works(slider_server, raw)
     assert len(slider_server._websock_server._broadcast_buffer.message_from_id) == kept
-    assert [m["type"] for m in watcher.heard[before:]] == []
+    last.visible = False
+    assert watcher.wait(lambda me: [m["type"] for m in me.heard[before:]]) == ["SetSceneNodeVisibilityMessage"]
 
 
 RUBBISH = [b"", b"\x00", b"\xc1", b"\x91" * 15000, b"\xde\xff\xff", os.urandom(2000), "text, not bytes",
@@ -331,10 +329,7 @@ def test_thirty_clients_and_one_that_never_reads(slider_server, raw):
     assert len(current_gate().inside) == 33
     for client in [*deaf, *clients]:
         client.close()
-    end = time.monotonic() + 30
-    while current_gate().inside or slider_server._websock_server._client_state_from_id:
-        assert time.monotonic() < end, "some are still inside"
-        time.sleep(0.02)
+    clients[0].wait(lambda _: not current_gate().inside and not slider_server._websock_server._client_state_from_id)
 
 
 def can_bind(address):
@@ -366,7 +361,7 @@ def test_a_full_server_says_so_and_opens_when_someone_leaves(raw):
     presenter.close()
     second.close()
     assert third.wait(lambda me: me.closed) == "1013 A place is free."
-    assert len(server.get_clients()) == 1
+    third.wait(lambda _: len(server.get_clients()) == 1)
     again = raw(port, **away)
     again.wait(lambda me: len(server.get_clients()) == 2)
     assert first.closed is None
