@@ -101,6 +101,7 @@ class HarmonicBalance:
         size = f"residual {left:.1e} N" if math.isfinite(left) else "the rotor outside the gap"
         return (f"{self.solver.__name__} stopped {where} after {solution.steps} steps, {size}: "
                 + (f"a fold is near (smallest singular value {smallest:.0e}). " if smallest < 0.05 else "")
+                + ("" if math.isfinite(left) else "Lower the eccentricity, the unbalance or the field. ")
                 + "Start from a neighbouring steady state, or follow the branch with `follow`; "
                   "a solver that stops does not show that there is no steady state.")
 

@@ -60,7 +60,7 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
         state = state + [static @ np.linalg.solve(generator @ static, disturbance), np.zeros(small.size)]
 
     blocks: list[Block] = [(np.array([begin]), (small.selection[:2] @ state[0])[:, None], state)]
-    stopped = None
+    stopped, interrupted = None, False
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # a motion that grows without bound is said in words below
             for block in method.run(task, state, begin, revolutions):
@@ -71,6 +71,7 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
                 if progress:
                     progress(len(blocks) - 1, revolutions)
     except KeyboardInterrupt:
+        interrupted = True
         stopped = f"Interrupted after {len(blocks) - 1} of {revolutions} revolutions; these are kept."
     except NoConvergence as failure:
         stopped = str(failure)
@@ -78,7 +79,7 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
     times, paths, states = zip(*blocks, strict=True)
     return Trajectory(small, float(speed), float(static_eccentricity), centre, np.concatenate(times),
                       np.concatenate(paths, axis=1), states[-1],
-                      stopped or f"It ran the {revolutions} revolutions asked for.", finished, method)
+                      stopped or f"It ran the {revolutions} revolutions asked for.", finished, method, interrupted)
 
 
 def _first_state(model: Model, small: Model, speed: float, start: PeriodicOrbit | Trajectory | None) -> NDArray:
