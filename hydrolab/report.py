@@ -12,6 +12,7 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from hydrolab.claims import Claim, judge
 from hydrolab.dynamics.continuation import orbits_at
@@ -120,10 +121,10 @@ def claims_table(claims: Iterable[Claim], family: dict[int, Any] | None = None) 
     if family:
         table.add_column("Family", ratio=2)
     for c in claims:
-        row = [str(c.id), f"{c.claim}\n[dim]Criterion: {c.criterion}.[/dim]", c.measured,
-               f"[{COLOURS[c.verdict]}]{c.verdict}[/]"]
+        row = [Text(str(c.id)), Text.assemble(f"{c.claim}\n", (f"Criterion: {c.criterion}.", "dim")), Text(c.measured),
+               Text(c.verdict, COLOURS[c.verdict])]
         if family:
-            row.append("\n".join(f"{kind}: {n['agree']} of {n['of']}" for kind, n in family[c.id].items()))
+            row.append(Text("\n".join(f"{kind}: {n['agree']} of {n['of']}" for kind, n in family[c.id].items())))
         table.add_row(*row)
     return table
 
@@ -179,7 +180,7 @@ def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study")
     Returns 0, or 130 after an interrupt: what was computed until then is printed and written.
     Raises BadInput for a bad card, or for --family with a card other than the paper's machine.
     """
-    console = Console()
+    console = Console(markup=False, highlight=False)  # a machine's name may have brackets
     machine: Machine = load_machine(card)
     if family and machine.name != FAMILY_CARD:
         raise BadInput(f"--family was given with {machine.name}; the family is one of the paper's machine, {FAMILY_CARD}.")
@@ -210,10 +211,10 @@ def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study")
         console.print(f"The paper's percentages are stretched by {study.scale:.4g}: on this machine the first fold is at "
                       f"{100 * study.limit:.3f} %, so its 8.8 % stands for {100 * study.eccentricity(8.8):.3f} %.")
     for picture in pictures.values():
-        console.print(f"• {picture.reading}", highlight=False)
+        console.print(f"• {picture.reading}")
     held = sum(c.verdict == "holds" for c in claims)
     console.print(f"{held} of {len(claims)} claims hold on {machine.name}. Written to {out}: report.json"
-                  + (f" and {len(pictures)} figures." if pictures else "."), highlight=False)
+                  + (f" and {len(pictures)} figures." if pictures else "."))
     if cut:
         console.print(cut)
     return 130 if cut else 0

@@ -23,6 +23,7 @@ from hydrolab.machine.fault_parts import Crack
 from hydrolab.machine.forces import ShapedPull
 from hydrolab.machine.vary import vary
 from hydrolab.report import report
+from hydrolab.show.rotor_figure import figure_7
 from hydrolab.stresses import stress_fluctuation
 from hydrolab.study import run_study, stable_steps
 
@@ -251,6 +252,28 @@ def test_command_writes_its_report(tmp_path, capsys, monkeypatch):
     assert record["machine"]["shaft"] is None and all(c["family"] is None for c in record["claims"])
     printed = capsys.readouterr().out
     assert "fails" in printed and "of 12 claims hold" in printed and "stretched" in printed
+
+
+def test_a_name_with_brackets_is_printed_as_it_stands(tmp_path, capsys, study, monkeypatch):
+    """Rich takes brackets for markup: it would leave [red] out, and stumble over [/blue]."""
+    import hydrolab.report as module
+    named = replace(study, machine=replace(study.machine, name="[red]unit[/blue]"))
+    monkeypatch.setattr(module, "load_machine", lambda card: named.machine)
+    monkeypatch.setattr(module, "run_study", lambda machine, tell: named)
+    monkeypatch.setenv("COLUMNS", "200")
+    assert main(["study", "--out", str(tmp_path), "--no-figures"]) == 0
+    printed = capsys.readouterr().out
+    assert "claims hold on [red]unit[/blue]" in printed and "Criterion:" in printed and "[dim]" not in printed
+
+
+def test_a_part_s_name_is_no_formula(study):
+    """Matplotlib takes what stands between two dollars for TeX."""
+    guide, lower = study.machine.bearings
+    named = replace(study.machine, bearings=(replace(guide, name=r"guide $\frac $"), lower))
+    figure = figure_7(replace(study, machine=named)).figure
+    figure.canvas.draw()
+    assert any(r"guide \$\frac \$" in label.get_text() for axes in figure.axes for right in axes.child_axes
+               for label in right.get_yticklabels())
 
 
 @pytest.mark.parametrize(("edit", "words"), [
