@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import subprocess
 import sys
-import time
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
 import pytest
 
+from tests.jupyter_process import TOKEN, jupyter_process
+
 BROWSER = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
-TOKEN = "only-for-this-test"
 FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-sync",
          "--disable-component-update", "--no-proxy-server", "--use-gl=angle", "--use-angle=swiftshader",
          "--enable-unsafe-swiftshader"]
@@ -84,27 +82,9 @@ def lab(tmp_path):
         pytest.skip("no Chromium or Chrome on this computer")
     (tmp_path / "config").mkdir()
     (tmp_path / "config" / "jupyter_lab_config.json").write_text('{"LabApp": {"expose_app_in_browser": true}}')
-    own = {f"JUPYTER_{what}_DIR": str(tmp_path / what.lower()) for what in ("CONFIG", "DATA", "RUNTIME")}
-    own |= {"JUPYTERLAB_SETTINGS_DIR": str(tmp_path / "settings"), "IPYTHONDIR": str(tmp_path / "ipython"),
-            "JUPYTERLAB_WORKSPACES_DIR": str(tmp_path / "spaces"), "JUPYTER_TOKEN": TOKEN}
     command = [sys.executable, "-m", "hydrolab.cli", "lab", "--no-browser"]
-    log = tmp_path / "lab.log"
-    with log.open("w") as sink:
-        server = subprocess.Popen(command, cwd=tmp_path, env=os.environ | own, stdout=sink, stderr=subprocess.STDOUT)
-    try:
-        deadline = time.monotonic() + 120
-        while not (found := re.search(r"http://127\.0\.0\.1:\d+/lab\S*", log.read_text(errors="replace"))):
-            assert server.poll() is None, f"JupyterLab did not start:\n{log.read_text()}"
-            assert time.monotonic() < deadline, f"JupyterLab takes too long:\n{log.read_text()}"
-            time.sleep(0.2)
-        yield found[0].replace("token=...", f"token={TOKEN}")
-    finally:
-        server.terminate()
-        try:
-            server.wait(30)
-        except subprocess.TimeoutExpired:
-            server.kill()
-            server.wait()
+    with jupyter_process(command, tmp_path, r"http://127\.0\.0\.1:\d+/lab\S*") as address:
+        yield address.replace("token=...", f"token={TOKEN}")
 
 
 @pytest.fixture

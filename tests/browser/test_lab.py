@@ -16,7 +16,7 @@ def test_the_first_chapter_runs_in_jupyterlab(visit):
     chapter, page = CHAPTERS[0].name, visit.page
     page.goto(visit.address)
     page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
-    assert page.locator(".lm-TabBar-tab.lm-mod-current .lm-TabBar-tabLabel", has_text=chapter).count() == 1
+    page.locator(".lm-TabBar-tab.lm-mod-current .lm-TabBar-tabLabel", has_text=chapter).wait_for()
     kernel = "window.jupyterapp.shell.currentWidget.sessionContext?.session?.kernel"
     page.wait_for_function(f"{kernel}?.status === 'idle' || document.querySelector('.jp-Dialog')")
     asked = page.locator(".jp-Dialog").all_inner_texts()

@@ -19,7 +19,7 @@ FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-backgrou
          "--enable-unsafe-swiftshader", "--disable-renderer-backgrounding", "--disable-backgrounding-occluded-windows"]
 PICTURES = Path(__file__).resolve().parents[2] / "build" / "pictures"
 PATIENCE = 90_000  # ms; a browser without a graphics card draws slowly
-STATOR = "window.__viserMutable.nodeRefFromName['/stator'].position.x"
+STATOR = "window.__viserMutable?.nodeRefFromName?.['/stator']?.position.x"
 LABEL = "static eccentricity, %"
 
 pytestmark = [
@@ -37,12 +37,10 @@ def hall(tmp_path):
         process = subprocess.Popen(command, stdout=sink, stderr=subprocess.STDOUT, cwd=tmp_path,
                                    env=os.environ | {"PYTHONUNBUFFERED": "1"})
     try:
-        for _ in range(600):
-            if "Stop with Ctrl-C" in log.read_text():
-                break
-            assert process.poll() is None, log.read_text()
+        deadline = time.monotonic() + 120
+        while "Stop with Ctrl-C" not in (said := log.read_text()):
+            assert process.poll() is None and time.monotonic() < deadline, said
             time.sleep(0.1)
-        said = log.read_text()
         yield re.search(r"http://\S+", said)[0], re.search(r"PIN (\d{6})", said)[1]
         process.send_signal(signal.SIGINT)
         process.send_signal(signal.SIGINT)
@@ -92,6 +90,7 @@ def test_the_presenter_moves_the_machine_and_the_room_watches(hall):
         presenter.get_by_text("take the controls").click()
         presenter.get_by_text("That is not the PIN; 4 more guesses.").wait_for()
         assert presenter.get_by_text(LABEL).count() == 0
+        playwright_api.expect(field(presenter, "PIN")).to_have_value("", timeout=PATIENCE)  # the server empties it
         field(presenter, "PIN").fill(pin)
         presenter.get_by_text("take the controls").click()
         presenter.get_by_text(LABEL).wait_for()

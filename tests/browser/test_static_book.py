@@ -1,5 +1,6 @@
 """The static book as a reader has it: built with warnings as errors, opened from disk, nothing asked of another host."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -23,6 +24,8 @@ FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-backgroun
          "--disable-component-update", "--disable-sync"]
 MISSING = [name for name in NEEDED if find_spec(name) is None] + (
     [] if shutil.which("npm") else ["npm"]) + ([] if BROWSER else ["Chromium or Chrome"])
+PATIENCE = 90_000  # ms
+LOADED = "[...document.images].every(image => image.complete)"
 TOLD = ("doi.org",)  # hosts that a page may name in a link for the reader to follow
 
 pytestmark = [pytest.mark.browser]
@@ -93,6 +96,7 @@ def reader(site):
         browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
         context = browser.new_context(viewport={"width": 1280, "height": 900}, offline=True)
         page = context.new_page()
+        page.set_default_timeout(PATIENCE)
         page.strangers, page.mistakes = [], []
         page.on("request", lambda request: request.url.startswith(("file:", "data:", "blob:"))
                 or page.strangers.append(request.url))
@@ -109,6 +113,7 @@ def test_a_page_opens_from_disk(site, reader, name):
     assert reader.locator("main mjx-container").count() == formulas
     assert formulas or name in ("index", "bibliography", "api")
     assert reader.locator("mjx-merror").count() == 0
+    reader.wait_for_function(LOADED)
     pictures = reader.evaluate("""[...document.querySelectorAll("main .cell_output figure > img")].map(
         image => [image.alt.length, image.complete && image.naturalWidth])""")
     assert all(words > 20 and width > 200 for words, width in pictures)
@@ -128,28 +133,33 @@ def test_recorded_scenes_play(site, reader):
     assert len(frames) == 4 and {"0 % on leg 1", "5 % on leg 1", "8.8 % on leg 1", "8.8 % on leg 3"} <= set(frames)
     frame = reader.locator("iframe.scene").last  # one: a 3D scene without a graphics card is slow
     frame.scroll_into_view_if_needed()
-    frame.content_frame.locator("canvas").first.wait_for(timeout=90_000)
+    frame.content_frame.locator("canvas").first.wait_for()
     assert not reader.strangers
 
 
 @pytest.mark.parametrize("name", CHAPTERS)
 def test_flipbooks_move(site, reader, name):
     reader.goto((site / f"{name}.html").as_uri())
-    books = reader.locator(".flipbook")
+    books, expect = reader.locator(".flipbook"), playwright_api.expect
     stored = (BOOK / f"{name}.ipynb").read_text(encoding="utf-8").count('"text/vnd.hydrolab.flipbook"')
     assert books.count() == stored
     for book in books.all():
         slider, caption = book.locator("input"), book.locator("figcaption")
-        assert slider.is_visible() and book.locator("figure > img").is_visible()
+        readings = [frame["reading"] for frame in json.loads(book.locator("script").text_content())]
+        still, frame = book.locator("figure > img"), book.locator(".flipbook-frame")
+        expect(slider).to_be_visible(timeout=PATIENCE)
+        expect(still).to_be_visible(timeout=PATIENCE)
         said, value = caption.inner_text(), book.locator("output").inner_text()
         before = book.screenshot()
         slider.focus()
         for key, end in (("Home", "0"), ("End", slider.get_attribute("max"))):
             reader.keyboard.press(key)
-            assert slider.input_value() == end
-            assert not book.locator("figure > img").is_visible() and book.locator(".flipbook-frame").is_visible()
-            assert book.locator(".flipbook-frame").get_attribute("alt") == caption.inner_text()
+            expect(slider).to_have_value(end, timeout=PATIENCE)
+            expect(still).not_to_be_visible(timeout=PATIENCE)
+            expect(frame).to_be_visible(timeout=PATIENCE)
+            expect(frame).to_have_attribute("alt", readings[int(end)], timeout=PATIENCE)
+            expect(caption).to_have_text(readings[int(end)], timeout=PATIENCE)
         assert caption.inner_text() != said and book.locator("output").inner_text() != value
-        assert reader.wait_for_function("[...document.images].every(image => image.complete)")
+        reader.wait_for_function(LOADED)
         assert book.screenshot() != before
     assert not reader.strangers and not reader.mistakes

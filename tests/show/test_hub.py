@@ -1,13 +1,10 @@
 """The 3D view behind a hub: its address found by itself, through a real Jupyter server with jupyter-server-proxy."""
 
-import os
-import re
-import subprocess
 import sys
-import time
 import urllib.error
 import urllib.request
 from http.cookiejar import CookieJar
+from urllib.parse import urlsplit
 
 import pytest
 import viser
@@ -16,38 +13,22 @@ from websockets.sync.client import connect
 
 from hydrolab.show.notebook import frame_address
 from hydrolab.show.server import open_server
+from tests.jupyter_process import TOKEN, jupyter_process
 
 pytest.importorskip("jupyter_server_proxy", reason="jupyter-server-proxy is in the extra [hub]")
 
 PREFIX = "/user/ada/"
-TOKEN = "only-for-this-test"
 
 
 @pytest.fixture(scope="module")
 def jupyter(tmp_path_factory):
     """The address of a Jupyter server as a hub would start it, ".../user/ada/", with a known token."""
     folder = tmp_path_factory.mktemp("hub")
-    own = {f"JUPYTER_{what}_DIR": str(folder / what.lower()) for what in ("CONFIG", "DATA", "RUNTIME")}
-    own |= {"JUPYTER_TOKEN": TOKEN, "IPYTHONDIR": str(folder / "ipython")}
     command = [sys.executable, "-m", "jupyter_server", "--no-browser", "--allow-root", "--ServerApp.ip=127.0.0.1",
                "--ServerApp.port=0", f"--ServerApp.base_url={PREFIX}", f"--ServerApp.root_dir={folder}",
                "--ServerApp.jpserver_extensions={'jupyter_server_proxy': True}"]
-    log = folder / "jupyter.log"
-    with log.open("w") as sink:
-        process = subprocess.Popen(command, cwd=folder, env=os.environ | own, stdout=sink, stderr=subprocess.STDOUT)
-    try:
-        deadline = time.monotonic() + 120
-        while not (found := re.search(rf"http://127\.0\.0\.1:([1-9]\d*){PREFIX}", log.read_text(errors="replace"))):
-            assert process.poll() is None and time.monotonic() < deadline, log.read_text()
-            time.sleep(0.1)
-        yield f"127.0.0.1:{found[1]}"
-    finally:
-        process.terminate()
-        try:
-            process.wait(15)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+    with jupyter_process(command, folder, rf"http://127\.0\.0\.1:[1-9]\d*{PREFIX}\S*") as address:
+        yield urlsplit(address).netloc
 
 
 @pytest.fixture
