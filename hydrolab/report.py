@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,13 @@ def machine_record(study: Study) -> dict[str, Any]:
            for b in machine.thrust_bearings],
         "damping": {"ratio": one_or_list(machine.damping.ratio) if machine.damping else None, "alpha": alpha,
                     "beta": beta},
-        "air_gap": {"field": gap.field, "mean_radius": gap.mean_radius, "length": gap.length, "gap": gap.gap}}
+        "air_gap": {"field": gap.field, "mean_radius": gap.mean_radius, "length": gap.length, "gap": gap.gap,
+                    **{key: value for key in ("tilt", "linear", "tangential") if (value := getattr(gap, key))}}}
+    for key in ("pad_bearings", "films", "cracks", "shapes"):  # what the paper's machine does not have, where there is some
+        if parts := getattr(machine, key):
+            record[key] = [asdict(part) for part in parts]
+    if machine.poles:
+        record["poles"] = asdict(machine.poles)
     return record
 
 

@@ -19,10 +19,11 @@ from hydrolab.dynamics.orbit_shape import ellipse, self_crossings
 from hydrolab.family import Verdicts
 from hydrolab.machine.cards import card_text
 from hydrolab.machine.elements import shaft_element
-from hydrolab.machine.fault_parts import Crack
+from hydrolab.machine.fault_parts import Crack, JournalFilm, PadBearing
 from hydrolab.machine.forces import ShapedPull
+from hydrolab.machine.gap_parts import GapShape, Poles
 from hydrolab.machine.vary import vary
-from hydrolab.report import report
+from hydrolab.report import machine_record, report
 from hydrolab.show.rotor_figure import figure_7
 from hydrolab.stresses import stress_fluctuation
 from hydrolab.study import run_study, stable_steps
@@ -172,6 +173,27 @@ def test_the_study_of_a_machine_with_other_laws(changes):
     judged = judge(study)
     assert len(judged) == len(CLAIMS)
     json.dumps(report(study, judged))
+
+
+@pytest.mark.parametrize("changes", [
+    {"poles": Poles(19, pole_angle=0.37)}, {"shapes": (GapShape("oval", "stator", 2, 3.1e-4, 0.77),)},
+    {"air_gap": replace(load_machine("kaplan-150rpm").air_gap, tangential=0.123)}, {"cracks": (Crack("crack", 2, 0.213),)},
+    {"pad_bearings": (PadBearing("pads", 1, 8, 1.1e9, 1.7e-4),),
+     "films": (JournalFilm("film", 11, 0.041, 0.4, 0.3, 2e-4),)}, {}], ids=lambda changes: "+".join(changes) or "paper")
+def test_the_report_has_every_number_of_the_machine(study, changes):
+    """Each of `Machine.numbers` that is not zero, so that another code can rebuild a machine with other laws too."""
+    machine = replace(study.machine, **changes)
+    record = json.loads(json.dumps(machine_record(replace(study, machine=machine))))
+    assert set(changes) <= set(record)
+
+    def leaves(value):
+        if isinstance(value, dict | list):
+            return {leaf for v in (value.values() if isinstance(value, dict) else value) for leaf in leaves(v)}
+        return {value}
+    written = leaves(record)
+    for key, value in machine.numbers().items():
+        if key != "speed":
+            assert set(np.ravel(value).tolist()) - {0.0} <= written, key
 
 
 def interrupted(at, *, revolutions=12):
