@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from hydrolab.dynamics.condensation import condense
 from hydrolab.dynamics.reduction import reduce
-from hydrolab.dynamics.results import PeriodicOrbit, Trajectory, contact_sentence
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.task import Task
 from hydrolab.dynamics.time_methods import Block, CentralDifference, Newmark, RungeKutta
+from hydrolab.dynamics.trajectory import Trajectory, contact_sentence
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.checks import number, require_model, turning, whole
 from hydrolab.machine.model import Model
