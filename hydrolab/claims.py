@@ -19,7 +19,7 @@ from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.orbit_shape import ellipse, largest_vibration, self_crossings
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.stresses import stress_fluctuation
-from hydrolab.study import Study, recurrence
+from hydrolab.study import Study
 
 PHASE = 2 * np.pi * np.arange(360) / 360
 
@@ -139,7 +139,7 @@ def nothing_beyond(study: Study) -> Claim:
     else:
         path = study.beyond.last(3)[1]
         growth = largest_vibration(path, path.mean(axis=1)) / vibration
-        again = recurrence(study.beyond), recurrence(study.beyond, 2)
+        again = study.beyond.recurrence(), study.beyond.recurrence(2)
         name = ("settles on an orbit of one revolution" if again[0] < 1e-3 else
                 "settles on an orbit of two revolutions" if again[1] < 1e-3 else "stays bounded without repeating")
         motion = f"Started at 9.0 % on the 8.9 % orbit the motion {name}, {growth:.2f} times as large."

@@ -177,7 +177,10 @@ def ship(member: Member, path: Path) -> Member:
 
 
 if __name__ == "__main__":
-    judged = judge_family(load_family().members, lambda done, of: print(f"{done}/{of} members", end="\r", flush=True))
+    members = load_family().members
+    judged = judge_family(members, lambda done, of: print(f"{done}/{of} members", end="\r", flush=True))
+    if len(judged) < len(members):
+        raise SystemExit(f"Stopped after {len(judged)} of {len(members)} members: no choice is made and no card written.")
     unit = ship(choose(judged), family_file().parent / f"{FAMILY_CARD}.toml")
     print(f"{FAMILY_CARD} is member {unit.number}, {unit.reading}. Its fold moves, in % of the gap, by")
     for key, change in sensitivity(unit).items():

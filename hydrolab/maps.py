@@ -117,6 +117,7 @@ def steady_map(machine: Machine, x: str, x_values: ArrayLike, y: str, y_values: 
     x, y: "static_eccentricity" (x only) or a key of `vary`, such as "field" (T), "speed" (rad/s),
     "bodies.generator.mass"; SI units. eccentricity: the fixed one where x is another parameter. path: NetCDF file that
     is written after every row and taken up again if it is there. executor: where rows are computed; here if None.
+    progress: called after each row with (done, all), such as a bar of `hydrolab.show.progress`.
     Interrupted (Ctrl-C), it returns what it has, the rest marked NOT_DONE. A worker that dies costs time, not points.
     Raises BadInput for keys or values that do not fit, or a file that holds another map.
     """

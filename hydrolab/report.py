@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -22,6 +20,7 @@ from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
+from hydrolab.show.progress import progress_bars
 from hydrolab.study import FAMILY_CARD, REVOLUTIONS_BEYOND, Study, run_study
 
 SCHEMA = 1
@@ -134,21 +133,6 @@ def claims_table(claims: Iterable[Claim], family: dict[int, Any] | None = None) 
             row.append(Text("\n".join(f"{kind}: {n['agree']} of {n['of']}" for kind, n in family[c.id].items())))
         table.add_row(*row)
     return table
-
-
-@contextmanager
-def progress_bars(console: Console) -> Iterator[Any]:
-    """A callback (what, done, all) that draws one bar for each kind of work."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as bars:
-        tasks: dict[str, Any] = {}
-
-        def tell(what: str, done: int, of: int) -> None:
-            if what not in tasks:
-                tasks[what] = bars.add_task(what, total=of)
-            bars.update(tasks[what], completed=done)
-
-        yield tell
 
 
 def sensitivity_table(machine: Machine) -> Table:

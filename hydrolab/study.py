@@ -19,10 +19,11 @@ from hydrolab.dynamics.continuation import Arclength, follow, orbits_at, sweep
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.integrators import integrate
 from hydrolab.dynamics.reduction import reduce, truncation_error
-from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory
+from hydrolab.dynamics.results import Branch, PeriodicOrbit
 from hydrolab.dynamics.solvers import powell_dog_leg
 from hydrolab.dynamics.stability import Floquet, branch_stability, floquet_all
 from hydrolab.dynamics.time_methods import CentralDifference
+from hydrolab.dynamics.trajectory import Trajectory
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 from hydrolab.machine.parts import Machine
@@ -170,13 +171,3 @@ def stable_steps(model: Model, speed: float) -> int:
                            f"{fastest:.4g} rad/s: direct integration needs more than {MOST_STEPS} steps in a revolution, "
                            f"too many for {REVOLUTIONS} of them. Raise the speed, or check masses and stiffnesses.")
     return steps
-
-
-def recurrence(trajectory: Trajectory, periods: int = 1) -> float:
-    """How far the last revolution is from the one `periods` earlier, over the size of the motion; 0 is periodic."""
-    n = trajectory.method.steps_per_revolution
-    if trajectory.positions.shape[1] <= (periods + 1) * n:
-        return math.nan
-    last, before = trajectory.positions[:, -n:], trajectory.positions[:, -(periods + 1) * n:-periods * n]
-    size = np.hypot(*(last - last.mean(axis=1)[:, None])).max()
-    return float(np.hypot(*(last - before)).max() / size)

@@ -25,7 +25,7 @@ LAYERS = [
     ["hydrolab.machine.air_gap"],
     ["hydrolab.machine.parts"],
     ["hydrolab.machine.attach"],
-    ["hydrolab.machine.model", "hydrolab.machine.cards"],
+    ["hydrolab.machine.model", "hydrolab.machine.card_keys", "hydrolab.machine.cards"],
     ["hydrolab.machine"],
     ["hydrolab.dynamics"],
     ["hydrolab.maps", "hydrolab.faults"],

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hydrolab import BadInput, load_machine, rpm
+from hydrolab import BadInput, CentralDifference, integrate, load_machine, rpm
 from hydrolab.calibration import load_family
 from hydrolab.claims import CLAIMS, PHASE, judge
 from hydrolab.cli import main
@@ -24,6 +24,7 @@ from hydrolab.machine.forces import ShapedPull
 from hydrolab.machine.gap_parts import GapShape, Poles
 from hydrolab.machine.vary import vary
 from hydrolab.report import machine_record, report
+from hydrolab.show.progress import progress_bar, progress_bars
 from hydrolab.show.rotor_figure import figure_7
 from hydrolab.stresses import stress_fluctuation
 from hydrolab.study import run_study, stable_steps
@@ -263,6 +264,23 @@ def test_members_of_dead_workers_are_left_out(monkeypatch):
     monkeypatch.setattr(family, "judge_member", judge_or_die)
     members = [replace(load_family().members[0], number=n) for n in (0, 1)]
     assert [v.member.number for v in family.judge_family(members, workers=1)] == [0]
+
+
+def test_a_bar_follows_an_integration(monkeypatch):
+    """What the bar shows is what `progress` was told, and it does not stay open after an interrupt."""
+    shown = []
+    monkeypatch.setattr("rich.progress.Progress.update", lambda self, task, completed: shown.append(
+        (self.tasks[task].description, completed, self.tasks[task].total, self.live.is_started)))
+    model = load_machine("jeffcott").model()
+    with progress_bar("motion") as bar:
+        integrate(model, CentralDifference(64), speed=rpm(150), revolutions=3, progress=bar)
+    assert shown == [("motion", n, 3, True) for n in (1, 2, 3)]
+    with pytest.raises(KeyboardInterrupt), progress_bars() as tell:
+        tell("map [1/2]", 1, 2)
+        bars = tell.__closure__
+        raise KeyboardInterrupt
+    assert shown[-1][1:3] == (1, 2)
+    assert not next(c.cell_contents for c in bars if hasattr(c.cell_contents, "live")).live.is_started
 
 
 def test_command_writes_its_report(tmp_path, capsys, monkeypatch):

@@ -38,6 +38,11 @@ class Basins:
         """Share of the starts that end so."""
         return float(np.mean(self.ends == end))
 
+    def __str__(self) -> str:
+        shares = [f"{100 * self.share(i):.1f} % on orbit {i}" for i in range(len(self.orbits))]
+        return (f"{self.ends.size} starts after {self.revolutions} revolutions: {', '.join(shares)}, "
+                f"{100 * self.share(CONTACT):.1f} % in contact, {100 * self.share(OTHER):.1f} % on none of these.")
+
 
 def basins(orbits: Sequence[PeriodicOrbit], displacement: ArrayLike, velocity: ArrayLike, *, revolutions: int = 200,
            steps: int = 128, modes: int = 6, progress: Callable[[int, int], None] | None = None) -> Basins:

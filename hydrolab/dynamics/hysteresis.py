@@ -30,6 +30,10 @@ class Passage:
         """Whether the motion repeats every revolution to 1 µm at each value, (n,)."""
         return np.ptp(self.section, axis=1).max(axis=1) < 1e-6
 
+    def __str__(self) -> str:
+        return (f"Motion through {len(self.static_eccentricity)} eccentricities, on an orbit of one revolution at "
+                f"{int(self.settled.sum())} of them. {self.stopped}")
+
 
 def sweep_in_time(start: PeriodicOrbit, values: Iterable[float], *, revolutions: int = 80, keep: int = 8,
                   steps: int = 128, modes: int = 12, progress: Callable[[int, int], None] | None = None) -> Passage:

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from hydrolab.dynamics.condensation import condense
 from hydrolab.dynamics.reduction import reduce
-from hydrolab.dynamics.results import PeriodicOrbit, Trajectory, contact_sentence
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.task import Task
 from hydrolab.dynamics.time_methods import Block, CentralDifference, Newmark, RungeKutta
+from hydrolab.dynamics.trajectory import Trajectory, contact_sentence
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.checks import number, require_model, turning, whole
 from hydrolab.machine.model import Model
@@ -34,7 +35,7 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
     basis beside the static deflection under the pull; None integrates all DOFs. start: an orbit to begin on (at
     phase 0), or a trajectory of the same model and basis to go on from. disturbance: a sideways displacement (x, z)
     of the generator, m, added to the start in the shape of the static deflection. progress: called after each
-    revolution with (done, all).
+    revolution with (done, all), such as a bar of `hydrolab.show.progress`.
     Ends early at contact, where a step has no solution, or at an interrupt (Ctrl-C); what was computed is kept and
     `stopped` says what happened.
     Raises BadInput for arguments outside what is allowed, among them a step beyond the stability limit.

@@ -39,8 +39,29 @@ class LinearModel(Protocol):
         """C + Ω G."""
 
 
+class Spectrum:
+    """What eigenvalues λ (rad/s) of any shape say; each property has that shape."""
+
+    eigenvalues: NDArray
+
+    @property
+    def frequencies(self) -> NDArray:
+        """|Im λ|, rad/s."""
+        return self.eigenvalues.imag
+
+    @property
+    def hertz(self) -> NDArray:
+        """|Im λ| / 2π, Hz."""
+        return self.frequencies / (2 * np.pi)
+
+    @property
+    def damping_ratios(self) -> NDArray:
+        """ζ = −Re λ / |λ|; below zero the mode grows."""
+        return -self.eigenvalues.real / np.abs(self.eigenvalues)
+
+
 @dataclass(frozen=True, eq=False)
-class Modes:
+class Modes(Spectrum):
     """The modes of a model at one speed (rad/s), by rising frequency |Im λ|.
 
     eigenvalues: λ with Im λ > 0, one of each conjugate pair, rad/s, shape (m,).
@@ -59,21 +80,6 @@ class Modes:
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
-
-    @property
-    def frequencies(self) -> NDArray:
-        """|Im λ|, rad/s, shape (m,)."""
-        return self.eigenvalues.imag
-
-    @property
-    def hertz(self) -> NDArray:
-        """|Im λ| / 2π, Hz, shape (m,)."""
-        return self.frequencies / (2 * np.pi)
-
-    @property
-    def damping_ratios(self) -> NDArray:
-        """ζ = −Re λ / |λ|, shape (m,); below zero the mode grows."""
-        return -self.eigenvalues.real / np.abs(self.eigenvalues)
 
     @property
     def direction(self) -> tuple[str, ...]:
@@ -157,7 +163,7 @@ def undamped_frequencies(model: LinearModel) -> NDArray:
 
 
 @dataclass(frozen=True, eq=False)
-class Campbell:
+class Campbell(Spectrum):
     """Modes followed over the speed.
 
     speeds: rad/s, shape (s,). eigenvalues: λ of each branch, rad/s, shape (s, b), NaN where a mode stops
@@ -173,20 +179,10 @@ class Campbell:
     critical_speeds: NDArray
     critical_branches: NDArray
 
-    @property
-    def frequencies(self) -> NDArray:
-        """|Im λ|, rad/s, shape (s, b)."""
-        return self.eigenvalues.imag
-
-    @property
-    def hertz(self) -> NDArray:
-        """|Im λ| / 2π, Hz, shape (s, b)."""
-        return self.frequencies / (2 * np.pi)
-
-    @property
-    def damping_ratios(self) -> NDArray:
-        """ζ = −Re λ / |λ|, shape (s, b)."""
-        return -self.eigenvalues.real / np.abs(self.eigenvalues)
+    def __str__(self) -> str:
+        first, last, *critical = (f"{w * 30 / np.pi:.4g}" for w in (self.speeds[0], self.speeds[-1], *self.critical_speeds))
+        return (f"{self.eigenvalues.shape[1]} modes from {first} to {last} rpm; critical speeds of {self.order:g}X: "
+                f"{', '.join(critical) or 'none'}{' rpm' if critical else ''}.")
 
 
 def campbell(model: LinearModel, speeds: Sequence[float] | ArrayLike, branches: int = 8,

@@ -2,17 +2,16 @@
 
 A number of a card is an inline table, `mass = { value = 110, unit = "t", source = "calibrated", note = "…" }`; the
 note is optional. Bearings are radial, thrust, of pads with clearance or with a film, by the number that tells
-(`BEARINGS`); `[[cracks]]` are in shaft elements. Copy a shipped card (`card_text`), edit it, and load it by its path. A
-card is data and nothing of it is ever executed. A bad card raises `BadInput` with one sentence that names the key, its
-value and what is allowed.
+(`card_keys.BEARINGS`); `[[cracks]]` are in shaft elements. Copy a shipped card (`card_text`), edit it, and load it by
+its path. A card is data and nothing of it is ever executed. A bad card raises `BadInput` with one sentence that names
+the key, its value and what is allowed.
 """
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import partial
 from importlib.resources import files
@@ -22,10 +21,31 @@ from typing import Any
 import numpy as np
 
 from hydrolab.errors import BadInput
+from hydrolab.machine.card_keys import (
+    AIR_GAP,
+    BEARINGS,
+    BODY,
+    CARD,
+    CRACK,
+    DAMPING,
+    OTHERS,
+    POINT_MASS,
+    POLES,
+    SHAFT,
+    SHAPE,
+    ZEROS,
+    Section,
+    as_stated,
+    check_keys,
+    check_schema,
+    entry_of,
+    kind_of_bearing,
+    prose,
+    tables_of,
+)
 from hydrolab.machine.fault_parts import Crack, JournalFilm, PadBearing
 from hydrolab.machine.gap_parts import GapShape, Poles
 from hydrolab.machine.parts import (
-    SI_UNITS,
     AirGap,
     Entry,
     Machine,
@@ -34,65 +54,10 @@ from hydrolab.machine.parts import (
     RigidBody,
     Shaft,
     ThrustBearing,
-    nickname,
-    number,
     shown,
 )
 
-SCHEMA = 1
 LARGEST_CARD = 2_000_000  # bytes
-SOURCES = ("paper", "Table 1", "literature", "derived", "calibrated", "assumed")
-UNITS: dict[str, dict[str, tuple[float, float]]] = {
-    "m": {"m": (1, 1), "mm": (1, 1000), "µm": (1, 1_000_000)},
-    "kg": {"kg": (1, 1), "t": (1000, 1)},
-    "kg m": {"kg m": (1, 1), "kg mm": (1, 1000)},
-    "kg m^2": {"kg m^2": (1, 1), "t m^2": (1000, 1)},
-    "rad/s": {"rad/s": (1, 1), "rpm": (math.pi, 30)},
-    "rad": {"rad": (1, 1), "deg": (math.pi, 180)},
-    "Pa": {"Pa": (1, 1), "GPa": (1_000_000_000, 1)},
-    "1": {"1": (1, 1), "%": (1, 100)},
-}  # SI unit → accepted unit → (a, b) with SI value = value · a / b; what is not listed is accepted in SI only
-
-
-@dataclass(frozen=True)
-class Section:
-    """What a table of a card holds: plain keys with their type, and numbers that must or may be there.
-
-    choices: plain keys with their type that may be left out.
-    """
-
-    plain: Mapping[str, type]
-    required: tuple[str, ...] = ()
-    optional: tuple[str, ...] = ()
-    choices: Mapping[str, type] = field(default_factory=dict)
-
-
-CARD = Section({"schema": int, "name": str}, ("speed",))
-OTHERS = ("title", "about", "shaft", "bodies", "bearings", "damping", "air_gap", "cracks", "poles", "shapes")  # all optional
-SHAFT = Section({"element": str}, ("nodes", "diameter", "young", "density", "poisson", "shear_coefficient"),
-                ("inner_diameter",))
-BODY = Section({"name": str, "node": int}, ("mass", "Id", "Ip"), ("offset", "unbalance", "phase"))
-POINT_MASS = replace(BODY, required=("mass",), optional=("Id", "Ip", *BODY.optional))  # without a shaft nothing tilts
-RADIAL = Section({"name": str, "node": int}, ("stiffness",), ("damping",))
-ZEROS = {"Id": 0.0, "Ip": 0.0}  # of a point mass
-THRUST = Section({"name": str, "node": int}, ("tilt_stiffness",))
-DAMPING = Section({}, ("ratio",))
-NUMBER = Section({"unit": str, "source": str})
-AIR_GAP = Section({"body": str}, ("field", "mean_radius", "length", "gap"), ("tangential",),
-                  {"tilt": bool, "linear": bool})
-POLES = Section({"pole_pairs": int}, (), ("electrical_ratio", "pole_angle", "backward", "backward_angle", "stator_mmf",
-                                          "load_angle"), {"series": str})
-SHAPE = Section({"name": str, "of": str, "order": int}, ("size",), ("angle",))
-PADS = Section({"name": str, "node": int, "pads": int}, ("pad_stiffness", "clearance"), ("angle", "rounding"))
-FILM = Section({"name": str, "node": int}, ("viscosity", "journal_radius", "film_length", "clearance"))
-CRACK = Section({"name": str, "element": int}, ("depth",), ("phase", "rounding_angle"), {"breathing": str})
-BEARINGS: dict[str, tuple[Section, type, str]] = {
-    "stiffness": (RADIAL, RadialBearing, "a radial bearing"),
-    "tilt_stiffness": (THRUST, ThrustBearing, "a thrust bearing"),
-    "pad_stiffness": (PADS, PadBearing, "pads with clearance"),
-    "viscosity": (FILM, JournalFilm, "a journal film"),
-}  # the number that tells which kind a bearing is
-KINDS = {str: "text", int: "a whole number", bool: "true or false"}
 
 
 def card_names() -> list[str]:
@@ -146,19 +111,19 @@ def machine_from_card(card: Mapping[str, Any]) -> Machine:
 
     Raises BadInput with one sentence that names the key, its value and what is allowed.
     """
-    _check_schema(card)
-    _check_keys("", card, CARD, OTHERS)
-    speed = _entry("speed", card["speed"])
+    check_schema(card)
+    check_keys("", card, CARD, OTHERS)
+    speed = entry_of("speed", card["speed"])
     entries = {"speed": speed}
 
     def part(key: str, table: Any, section: Section, make: Callable[..., Any]) -> Any:
-        _check_keys(key, table, section)
-        found = {k: _entry(f"{key}.{k}", table[k]) for k in (*section.required, *section.optional) if k in table}
+        check_keys(key, table, section)
+        found = {k: entry_of(f"{key}.{k}", table[k]) for k in (*section.required, *section.optional) if k in table}
         try:
             plain = {k: table[k] for k in (*section.plain, *section.choices) if k in table}
             made = make(**plain, **{k: entry.si for k, entry in found.items()})
         except BadInput as error:
-            raise BadInput(_as_stated(str(error), {f"{key}.{k}": entry for k, entry in found.items()})) from None
+            raise BadInput(as_stated(str(error), {f"{key}.{k}": entry for k, entry in found.items()})) from None
         entries.update({f"{key}.{k}": replace(entry, si=getattr(made, k)) for k, entry in found.items()})
         return made
 
@@ -167,22 +132,22 @@ def machine_from_card(card: Mapping[str, Any]) -> Machine:
 
     shaft = table("shaft", SHAFT, Shaft)
     body_section = BODY if shaft else POINT_MASS
-    bodies = tuple(part(key, body, body_section, partial(RigidBody, **ZEROS)) for key, body in _list("bodies", card))
+    bodies = tuple(part(key, body, body_section, partial(RigidBody, **ZEROS)) for key, body in tables_of("bodies", card))
     bearings: dict[type, list] = {kind: [] for _, kind, _ in BEARINGS.values()}
-    for key, bearing in _list("bearings", card):
-        section, kind = _kind_of_bearing(key, bearing)
+    for key, bearing in tables_of("bearings", card):
+        section, kind = kind_of_bearing(key, bearing)
         bearings[kind].append(part(key, bearing, section, kind))
-    cracks = tuple(part(key, crack, CRACK, Crack) for key, crack in _list("cracks", card))
-    shapes = tuple(part(key, shape, SHAPE, GapShape) for key, shape in _list("shapes", card))
+    cracks = tuple(part(key, crack, CRACK, Crack) for key, crack in tables_of("cracks", card))
+    shapes = tuple(part(key, shape, SHAPE, GapShape) for key, shape in tables_of("shapes", card))
     poles = table("poles", POLES, Poles)
     damping, air_gap = table("damping", DAMPING, RayleighDamping), table("air_gap", AIR_GAP, AirGap)
     try:
         return Machine(
             card["name"], speed.si, shaft, bodies, tuple(bearings[RadialBearing]), tuple(bearings[ThrustBearing]), damping,
-            air_gap, _prose("title", card.get("title", "")), entries, _prose("about", card.get("about", "")),
+            air_gap, prose("title", card.get("title", "")), entries, prose("about", card.get("about", "")),
             tuple(bearings[PadBearing]), tuple(bearings[JournalFilm]), cracks, poles, shapes)
     except BadInput as error:
-        raise BadInput(_as_stated(str(error), entries)) from None
+        raise BadInput(as_stated(str(error), entries)) from None
 
 
 def write_card(card: Mapping[str, Any], path: str | Path) -> Machine:
@@ -251,108 +216,6 @@ def _read(path: Path) -> str:
         raise BadInput(f"{shown(str(path))} is not TOML: byte {error.start} is not UTF-8 text.") from None
     except OSError as error:
         raise BadInput(f"{shown(str(path))} cannot be read: {_reason(error)}.") from None
-
-
-def _check_schema(card: Any) -> None:
-    if not isinstance(card, Mapping):
-        raise BadInput(f"the card is {shown(card)}; it must be a table.")
-    if "schema" not in card:
-        raise BadInput(f"schema is missing; a card begins with schema = {SCHEMA}.")
-    schema = card["schema"]
-    if isinstance(schema, int) and not isinstance(schema, bool) and schema > SCHEMA:
-        raise BadInput(f"schema is {shown(schema)}; this hydrolab reads schema {SCHEMA}, so it needs a newer hydrolab "
-                       "or a card made for this one.")
-    if schema != SCHEMA or not isinstance(schema, int) or isinstance(schema, bool):
-        raise BadInput(f"schema is {shown(schema)}; it must be the whole number {SCHEMA}.")
-
-
-def _list(key: str, card: Mapping) -> list[tuple[str, Mapping]]:
-    """The tables of a list, each with its dotted key, which holds its name."""
-    tables = card.get(key, [])
-    if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
-        raise BadInput(f"{key} is {shown(tables)}; it must be a list of tables, each opened by [[{key}]].")
-    return [(f"{key}.{nickname(f'{key}[{i}].name', table['name'])}" if "name" in table else f"{key}[{i}]", table)
-            for i, table in enumerate(tables)]
-
-
-def _kind_of_bearing(key: str, bearing: Mapping) -> tuple[Section, type]:
-    """The section and the part of a bearing, by the one number that tells its kind."""
-    told = [k for k in BEARINGS if k in bearing]
-    if len(told) > 1:
-        kinds = "; ".join(f"{BEARINGS[k][2]} has {k}" for k in told)
-        raise BadInput(f"{key} has both {' and '.join(told)}: {kinds}; write two bearings.")
-    if not told:
-        raise BadInput(f"{key} has neither {' nor '.join(f'{k} ({what})' for k, (_, _, what) in BEARINGS.items())}; add "
-                       f"stiffness = {_example('stiffness')}, or one of the others.")
-    return BEARINGS[told[0]][:2]
-
-
-def _check_keys(key: str, table: Any, section: Section, also: tuple[str, ...] = ()) -> None:
-    where = key or "the card"
-    if not isinstance(table, Mapping):
-        raise BadInput(f"{key} is {shown(table)}; it must be one table, opened by [{key}].")
-    dot = f"{key}." if key else ""
-    known = [*section.plain, *section.required, *section.optional, *section.choices, *also]
-    for unknown in (k for k in table if k not in known):
-        near = get_close_matches(str(unknown), known, 1)
-        raise BadInput(f"{dot}{shown(unknown).strip(chr(39))} = {shown(table[unknown])} is not a key of {where}; "
-                       f"{f'the nearest is {near[0]}, ' if near else ''}allowed are {', '.join(dict.fromkeys(known))}.")
-    for k, kind in (*section.plain.items(), *section.choices.items()):
-        if k not in table and k in section.choices:
-            continue
-        if k not in table:
-            raise BadInput(f"{dot}{k} is missing; {where} needs {', '.join([*section.plain, *section.required])}.")
-        if not isinstance(table[k], kind) or isinstance(table[k], bool) > (kind is bool):
-            raise BadInput(f"{dot}{k} is {shown(table[k])}; it must be {KINDS[kind]}.")
-    for k in section.required:
-        if k not in table:
-            raise BadInput(f"{dot}{k} is missing; {where} needs {', '.join([*section.plain, *section.required])}, "
-                           f"so add {k} = {_example(k)}.")
-
-
-def _units(k: str) -> dict[str, tuple[float, float]]:
-    return UNITS.get(SI_UNITS[k], {SI_UNITS[k]: (1, 1)})
-
-
-def _example(k: str) -> str:
-    return f'{{ value = …, unit = "{next(iter(_units(k)))}", source = "assumed" }}'
-
-
-def _entry(key: str, table: Any) -> Entry:
-    """The number a card states under a dotted key, with its value in SI units."""
-    k = key.rpartition(".")[2]
-    if not isinstance(table, Mapping):
-        raise BadInput(f"{key} is {shown(table)}; write a number as {k} = {_example(k)}.")
-    _check_keys(key, table, NUMBER, ("value", "note"))
-    if "value" not in table:
-        raise BadInput(f"{key}.value is missing; write a number as {k} = {_example(k)}.")
-    for part, allowed in (("unit", _units(k)), ("source", SOURCES)):
-        if table[part] not in allowed:
-            raise BadInput(f"{key}.{part} is {shown(table[part])}; it must be one of {', '.join(allowed)}.")
-    a, b = _units(k)[table["unit"]]
-
-    def si(value: Any, depth: int) -> Any:
-        if isinstance(value, (list, tuple)) and depth:
-            return [si(v, depth - 1) for v in value]
-        return number(key, value, unit=table["unit"] if table["unit"] != "1" else "") * a / b
-
-    return Entry(table["value"], table["unit"], table["source"], _prose(f"{key}.note", table.get("note", "")),
-                 si(table["value"], 2))
-
-
-def _prose(key: str, text: Any) -> str:
-    """Free text on one line, without what could steer a terminal."""
-    if not isinstance(text, str) or not all(c.isprintable() or c.isspace() for c in text):
-        raise BadInput(f"{key} is {shown(text)}; it must be text without control characters.")
-    return " ".join(text.split())
-
-
-def _as_stated(sentence: str, entries: Mapping[str, Entry]) -> str:
-    """The sentence about a part, with the value as the card states it where that is in another unit."""
-    for key, entry in entries.items():
-        if sentence.startswith((f"{key} ", f"{key}[")) and entry.unit != SI_UNITS[key.rpartition(".")[2]]:
-            return f"{sentence[:-1]}; the card says {shown(entry.value)} {entry.unit}."
-    return sentence
 
 
 def _plain(value: Any) -> Any:

@@ -8,8 +8,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.integrators import integrate
-from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.time_methods import CentralDifference
+from hydrolab.dynamics.trajectory import Trajectory
 from hydrolab.machine.parts import Machine
 from hydrolab.show.drawing import MM, REVOLUTION, draw_axis, nearest
 from hydrolab.show.eccentricity_view import STEP, draw_legs

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from hydrolab.dynamics.modes import Modes
 from hydrolab.dynamics.orbit_shape import ellipse, largest_vibration
-from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory
+from hydrolab.dynamics.results import Branch, PeriodicOrbit
 from hydrolab.dynamics.stability import Floquet
+from hydrolab.dynamics.trajectory import Trajectory
 
 PHASE = 2 * np.pi * np.arange(360) / 360
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.dynamics.orbit_shape import ellipse, self_crossings
-from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory
+from hydrolab.dynamics.results import Branch, PeriodicOrbit
 from hydrolab.dynamics.stability import Floquet
+from hydrolab.dynamics.trajectory import Trajectory
 from hydrolab.machine.model import Model
 from hydrolab.machine.parts import Machine
 from hydrolab.show.readings import PHASE, listed, microns, percent, second_share, stability_sentence, vibration
@@ -121,10 +122,7 @@ def outcome(trajectory: Trajectory) -> str:
     if trajectory.revolutions < 5:
         return f"is still in the gap after {trajectory.revolutions:.0f} revolutions"
     for count, words in ((1, "one revolution"), (2, "two revolutions")):
-        times, path = trajectory.last(2 * count)
-        half = len(times) // 2
-        later, earlier = path[:, half:2 * half], path[:, :half]
-        if np.hypot(*(later - earlier)).max() <= REPEATS * np.hypot(*(later - later.mean(axis=1)[:, None])).max():
+        if trajectory.recurrence(count) <= REPEATS:
             return f"the motion settles on an orbit that repeats after {words}"
     return "the motion stays in the gap and does not repeat"
 

@@ -227,6 +227,12 @@ def test_a_branch_that_stops_oscillating_is_nan():
     np.testing.assert_allclose(found.frequencies[1, ~lost], sqrt(3e9 / 2), rtol=1e-9)
 
 
+def test_a_campbell_diagram_prints_its_critical_speeds():
+    found = campbell(point_mass(4.0, 0.0, 100.0), [0.0, 10.0])
+    assert str(found) == "2 modes from 0 to 95.49 rpm; critical speeds of 1X: 47.75, 47.75 rpm."  # √(100/4) = 5 rad/s
+    assert str(campbell(point_mass(4.0, 0.0, 100.0), [0.0, 1.0])).endswith("of 1X: none.")
+
+
 def test_bad_speeds_are_refused_in_a_sentence():
     for speeds in ([1.0], [2.0, 1.0], [0.0, np.nan]):
         with pytest.raises(BadInput, match="ascending"):

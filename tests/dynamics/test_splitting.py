@@ -154,6 +154,7 @@ def test_both_orbits_and_contact(picture):
     assert np.isnan(picture.contact[picture.ends != CONTACT]).all()
     middle = np.argmin(np.abs(picture.velocity)), np.argmin(np.abs(picture.displacement))
     assert picture.ends[middle] == 0  # hardly a push: it stays on the first orbit
+    assert f"169 starts after 100 revolutions: {100 * picture.share(0):.1f} % on orbit 0" in str(picture)
 
 
 def test_single_starts_by_dop853(shipped, picture, speed):
@@ -219,6 +220,8 @@ def test_up_and_down_again(shipped, branch, speed):
     up = sweep_in_time(low, np.array([0.0885, 0.089, 0.0895, 0.09]), revolutions=120, keep=3, modes=6)
     assert up.stopped == "It passed all the values asked for."
     assert up.section.shape == (4, 3, 2)
+    assert str(up) == ("Motion through 4 eccentricities, on an orbit of one revolution at 4 of them. "
+                       "It passed all the values asked for.")
     there = {e: [o.positions(np.zeros(1))[:, 0] for o in stable_orbits_at(branch, e)] for e in up.static_eccentricity}
     for e, section in zip(up.static_eccentricity, up.section, strict=True):
         leg = there[e][0] if e < fold else there[e][-1]

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 import hydrolab.machine.cards as module
 from hydrolab.errors import BadInput
+from hydrolab.machine.card_keys import UNITS, units_of
 from hydrolab.machine.cards import card_names, card_text, load_machine, machine_from_card, read_card, write_card
-from hydrolab.machine.parts import Entry, Machine
+from hydrolab.machine.parts import SI_UNITS, Entry, Machine
 
 SHIPPED = ["jeffcott", "kaplan-150rpm", "three-disc", "two-pole"]
 CARDS = {name: read_card(name) for name in SHIPPED}
@@ -129,8 +130,8 @@ def test_units_convert_exactly():
 
 
 def test_every_number_of_a_part_has_its_units():
-    assert set(module.UNITS) <= set(module.SI_UNITS.values())
-    for units in (module._units(key) for key in module.SI_UNITS):
+    assert set(UNITS) <= set(SI_UNITS.values())
+    for units in map(units_of, SI_UNITS):
         assert next(iter(units.values())) == (1, 1)
 
 
