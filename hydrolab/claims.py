@@ -26,16 +26,24 @@ PHASE = 2 * np.pi * np.arange(360) / 360
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim of the paper, its criterion, the numbers measured in words, and whether it holds."""
+    """A claim of the paper, its criterion, the numbers measured in words, and whether it holds.
+
+    holds: None where an interrupt left nothing to judge it by.
+    """
 
     id: int
     claim: str
     criterion: str
     measured: str
-    holds: bool
+    holds: bool | None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "holds", bool(self.holds))  # plain, so that JSON takes it
+        object.__setattr__(self, "holds", None if self.holds is None else bool(self.holds))  # plain, so that JSON takes it
+
+    @property
+    def verdict(self) -> str:
+        """In words."""
+        return {True: "holds", False: "fails", None: "not judged"}[self.holds]
 
 
 def first(orbit: PeriodicOrbit, harmonic: int = 1, coordinate: int = 0) -> float:
@@ -54,7 +62,7 @@ def agreement(study: Study) -> Claim:
     orbit = study.orbits[8.8]
     size = largest_vibration(orbit.positions(PHASE), orbit.mean)
     difference = np.abs(path - orbit.positions(study.speed * times)).max(axis=1) / size
-    ok = study.check.finished and bool((difference <= 0.01).all())
+    ok = None if study.check.interrupted else study.check.finished and bool((difference <= 0.01).all())
     return Claim(
         1, "At 8.8 % harmonic balance with four harmonics and direct integration agree, as orbits and in time.",
         "x(t) and z(t) of the last three periods differ by at most 1 % of the largest vibration",
@@ -124,8 +132,9 @@ def nothing_beyond(study: Study) -> Claim:
     """Claim 6: no steady state found beyond 8.9 %; and what is really there."""
     last = 100 * float(study.natural.static_eccentricity[-1]) / study.scale
     vibration = largest_vibration(study.orbits[8.9].positions(PHASE), study.orbits[8.9].mean)
-    contact = not study.beyond.finished
-    if contact:
+    if study.interrupted:
+        motion, growth = "Direct integration at 9.0 % was interrupted.", None
+    elif not study.beyond.finished:  # contact
         motion, growth = study.beyond.stopped, math.inf
     else:
         path = study.beyond.last(3)[1]
@@ -149,7 +158,7 @@ def nothing_beyond(study: Study) -> Claim:
         "the paper's procedure (dog-leg from the last solution, steps of 0.1 %) stops between 8.8 and 9.0 %, and "
         "direct integration at 9.0 % from the 8.9 % orbit ends in contact or in a vibration at least 1.5 times as large",
         f"the procedure stops after {last:.1f} %. {turn}, {lost}. {motion} {exists}",
-        8.8 <= round(last, 6) < 9.0 and growth >= 1.5)
+        None if growth is None else 8.8 <= round(last, 6) < 9.0 and growth >= 1.5)
 
 
 def whole_shaft(study: Study) -> Claim:

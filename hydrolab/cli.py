@@ -161,6 +161,8 @@ def study(options: argparse.Namespace) -> int:
 def book(options: argparse.Namespace) -> int:
     """Build the static book from the stored chapters; with --refresh, run the chapters and store what comes out."""
     folder = find_book()
+    if options.refresh is None and options.check:
+        raise BadInput("--check goes with --refresh: hydrolab book --refresh --check compares and writes nothing.")
     if options.refresh is not None:
         from hydrolab.course.notebooks import refresh_all
 

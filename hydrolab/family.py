@@ -9,8 +9,10 @@ one whose stable steady states reach furthest past the first fold, because there
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -54,6 +56,8 @@ def judge_member(member: Member) -> Verdicts:
     """Study one member and judge it."""
     try:
         study = run_study(member.machine())
+        if study.interrupted:
+            raise KeyboardInterrupt  # half a study is no verdict
         return Verdicts(member, study.kind, {c.id: c.holds for c in judge(study)},
                         tuple(f.value for f in study.branch.folds), study.first_loss, stable_reach(study))
     except (BadInput, NoConvergence, Contact) as error:
@@ -64,18 +68,20 @@ def judge_family(members: Iterable[Member], progress: Callable[[int, int], None]
                  workers: int | None = None) -> list[Verdicts]:
     """Judge members in parallel processes, in their order.
 
-    An interrupt keeps what is done. Each process uses one BLAS thread.
+    An interrupt, or a process that dies, keeps what is done: fewer verdicts than members. Each process uses one BLAS
+    thread, and ends at once at a Ctrl-C in the terminal, which all processes get.
     """
     members = list(members)
     done: dict[int, Verdicts] = {}
-    with ProcessPoolExecutor(workers or os.cpu_count()) as pool:
+    with ProcessPoolExecutor(workers or os.cpu_count(), initializer=signal.signal,
+                             initargs=(signal.SIGINT, signal.SIG_DFL)) as pool:
         waiting = {pool.submit(judge_member, m): i for i, m in enumerate(members)}
         try:
             for future in as_completed(waiting):
                 done[waiting[future]] = future.result()
                 if progress:
                     progress(len(done), len(members))
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, BrokenProcessPool):
             pool.shutdown(cancel_futures=True)
     return [done[i] for i in sorted(done)]
 

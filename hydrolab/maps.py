@@ -23,6 +23,7 @@ from hydrolab.dynamics.batch import Outcome, newton_batch, stack
 from hydrolab.dynamics.continuation import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.errors import BadInput, Contact, NoConvergence
+from hydrolab.machine.checks import number
 from hydrolab.machine.parts import Machine
 from hydrolab.machine.vary import vary
 
@@ -109,7 +110,7 @@ def _row_of_machines(machine: Machine, changes: Mapping[str, Any], x: str, value
 
 
 def steady_map(machine: Machine, x: str, x_values: ArrayLike, y: str, y_values: ArrayLike, *,
-               eccentricity: float = 0.0, path: Path | None = None, executor: Executor | None = None,
+               eccentricity: float = 0.0, path: Path | str | None = None, executor: Executor | None = None,
                progress: Progress | None = None) -> xarray.Dataset:
     """Map the steady states of the first leg over two parameters.
 
@@ -130,6 +131,11 @@ def steady_map(machine: Machine, x: str, x_values: ArrayLike, y: str, y_values: 
     for key, values in ((x, x_values), (y, y_values)):
         for value in values if key != ECCENTRICITY else ():
             vary(machine, {key: float(value)})  # refuse now what a row would refuse later
+    offsets = x_values if x == ECCENTRICITY else np.array([number("eccentricity", eccentricity)])
+    if (largest := float(np.abs(offsets).max())) >= 1:
+        raise BadInput(f"{'x_values has' if x == ECCENTRICITY else 'eccentricity is'} {largest:g}; a static "
+                       "eccentricity is a fraction of the gap, between -1 and 1 (8.8 % is 0.088).")
+    path = None if path is None else Path(path)
     shape = (len(y_values), len(x_values))
     data: dict[str, Any] = {name: (("y", "x"), np.full(shape, np.nan), {"units": unit, "long_name": text})
                             for name, (unit, text) in READINGS.items()}

@@ -6,12 +6,14 @@ import json
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 from hydrolab.claims import Claim, judge
 from hydrolab.dynamics.continuation import orbits_at
@@ -23,6 +25,7 @@ from hydrolab.machine.parts import Machine
 from hydrolab.study import FAMILY_CARD, REVOLUTIONS_BEYOND, Study, run_study
 
 SCHEMA = 1
+COLOURS = {"holds": "green", "fails": "red", "not judged": "yellow"}
 
 
 def machine_record(study: Study) -> dict[str, Any]:
@@ -43,7 +46,13 @@ def machine_record(study: Study) -> dict[str, Any]:
            for b in machine.thrust_bearings],
         "damping": {"ratio": one_or_list(machine.damping.ratio) if machine.damping else None, "alpha": alpha,
                     "beta": beta},
-        "air_gap": {"field": gap.field, "mean_radius": gap.mean_radius, "length": gap.length, "gap": gap.gap}}
+        "air_gap": {"field": gap.field, "mean_radius": gap.mean_radius, "length": gap.length, "gap": gap.gap,
+                    **{key: value for key in ("tilt", "linear", "tangential") if (value := getattr(gap, key))}}}
+    for key in ("pad_bearings", "films", "cracks", "shapes"):  # what the paper's machine does not have, where there is some
+        if parts := getattr(machine, key):
+            record[key] = [asdict(part) for part in parts]
+    if machine.poles:
+        record["poles"] = asdict(machine.poles)
     return record
 
 
@@ -94,8 +103,9 @@ def report(study: Study, claims: Iterable[Claim], family: dict[int, Any] | None 
             "modes_and_static_deflections": check.model.size, "truncation_error": study.truncation,
             "validation": {"static_eccentricity": check.static_eccentricity, "revolutions": check.revolutions,
                            "stopped": check.stopped, **coefficients_record(check)},
-            "beyond": {"static_eccentricity": beyond.static_eccentricity, "revolutions": beyond.revolutions,
-                       "revolutions_asked": REVOLUTIONS_BEYOND, "stopped": beyond.stopped}},
+            "beyond": None if beyond is None else {
+                "static_eccentricity": beyond.static_eccentricity, "revolutions": beyond.revolutions,
+                "revolutions_asked": REVOLUTIONS_BEYOND, "stopped": beyond.stopped}},
         "claims": [{"id": c.id, "claim": c.claim, "criterion": c.criterion, "measured": c.measured, "holds": c.holds,
                     "family": family[c.id] if family else None} for c in claims]}
 
@@ -118,10 +128,10 @@ def claims_table(claims: Iterable[Claim], family: dict[int, Any] | None = None) 
     if family:
         table.add_column("Family", ratio=2)
     for c in claims:
-        verdict = "[green]holds[/green]" if c.holds else "[red]fails[/red]"
-        row = [str(c.id), f"{c.claim}\n[dim]Criterion: {c.criterion}.[/dim]", c.measured, verdict]
+        row = [Text(str(c.id)), Text.assemble(f"{c.claim}\n", (f"Criterion: {c.criterion}.", "dim")), Text(c.measured),
+               Text(c.verdict, COLOURS[c.verdict])]
         if family:
-            row.append("\n".join(f"{kind}: {n['agree']} of {n['of']}" for kind, n in family[c.id].items()))
+            row.append(Text("\n".join(f"{kind}: {n['agree']} of {n['of']}" for kind, n in family[c.id].items())))
         table.add_row(*row)
     return table
 
@@ -160,38 +170,45 @@ def sensitivity_table(machine: Machine) -> Table:
     return table
 
 
-def judged_family(tell: Any) -> dict[int, Any]:
-    """How many members of each kind agree with each claim, by kind of branch."""
+def judged_family(tell: Any) -> tuple[dict[int, Any], int, int]:
+    """How many members agree with each claim, by kind of branch; how many were judged, and of how many."""
     from hydrolab.calibration import load_family
     from hydrolab.family import judge_family, tally
     members = load_family().members
     verdicts = judge_family(members, progress=lambda done, of: tell("family", done, of))
-    return {claim: tally(verdicts, claim) for claim in range(1, 13)}
+    return {claim: tally(verdicts, claim) for claim in range(1, 13)}, len(verdicts), len(members)
 
 
 def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study"), family: bool = False,
                   figures: bool = True) -> int:
     """Run the study on a card, print its claims, and write report.json and the figures into `out`.
 
-    report.json is written before the family is run and again after it, so that an interrupt loses nothing.
+    report.json is written before the family is run and again after it, so that an interrupt (Ctrl-C) loses nothing.
+    Returns 0, or 130 after an interrupt: what was computed until then is printed and written.
     Raises BadInput for a bad card, or for --family with a card other than the paper's machine.
     """
-    console = Console()
+    console = Console(markup=False, highlight=False)  # a machine's name may have brackets
     machine: Machine = load_machine(card)
     if family and machine.name != FAMILY_CARD:
         raise BadInput(f"--family was given with {machine.name}; the family is one of the paper's machine, {FAMILY_CARD}.")
     out.mkdir(parents=True, exist_ok=True)
+    pictures, counts, cut = {}, None, ""
     with progress_bars(console) as tell:
         study = run_study(machine, tell)
         claims = judge(study)
         write(out / "report.json", report(study, claims))
-        pictures = {}
-        if figures:
-            from hydrolab.show.study_figures import study_pictures
-            pictures = study_pictures(study)
-            for name, picture in pictures.items():
-                picture.save(out / f"{name}.png")
-        counts = judged_family(tell) if family else None
+        if study.interrupted:
+            cut = "Stopped by Ctrl-C in direct integration; what was computed before is above."
+        else:
+            if figures:
+                from hydrolab.show.study_figures import study_pictures
+                pictures = study_pictures(study)
+                for name, picture in pictures.items():
+                    picture.save(out / f"{name}.png")
+            if family:
+                counts, judged, members = judged_family(tell)
+                if judged < members:
+                    cut = f"Stopped after {judged} of {members} members of the family; these are counted above."
     if counts:
         write(out / "report.json", report(study, claims, counts))
     console.print(claims_table(claims, counts))
@@ -201,11 +218,13 @@ def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study")
         console.print(f"The paper's percentages are stretched by {study.scale:.4g}: on this machine the first fold is at "
                       f"{100 * study.limit:.3f} %, so its 8.8 % stands for {100 * study.eccentricity(8.8):.3f} %.")
     for picture in pictures.values():
-        console.print(f"• {picture.reading}", highlight=False)
-    held = sum(c.holds for c in claims)
+        console.print(f"• {picture.reading}")
+    held = sum(c.verdict == "holds" for c in claims)
     console.print(f"{held} of {len(claims)} claims hold on {machine.name}. Written to {out}: report.json"
-                  + (f" and {len(pictures)} figures." if pictures else "."), highlight=False)
-    return 0
+                  + (f" and {len(pictures)} figures." if pictures else "."))
+    if cut:
+        console.print(cut)
+    return 130 if cut else 0
 
 
 def write(path: Path, content: dict[str, Any]) -> None:

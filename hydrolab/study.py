@@ -35,6 +35,7 @@ BEYOND = 9.0  # %, just past the last orbit the paper shows
 HARMONICS = 4
 REVOLUTIONS, RAMP, STEPS = 1000, 400, 512  # the paper's revolutions and ramp; its step is not stated
 REVOLUTIONS_BEYOND = 400
+MOST_STEPS = 2**13  # of a revolution; a thousand revolutions then take minutes, and their motion 200 MB
 
 Progress = Callable[[str, int, int], None]
 
@@ -46,8 +47,9 @@ class Study:
     scale: 1 where the paper's percentages apply; otherwise they are stretched by first fold/8.925 %.
     branch: steady states from 0 past up to three folds. orbits: by the paper's percentages, on the first leg.
     natural: the paper's own procedure (dog-leg, each start from the last solution). stability: of each point of
-    the branch. check: direct integration at 8.8 %. beyond: direct integration at 9.0 %, begun on the 8.9 % orbit.
-    beyond_orbits: the steady states of the branch at 9.0 %, each with its stability.
+    the branch. check: direct integration at 8.8 %. beyond: direct integration at 9.0 %, begun on the 8.9 % orbit; None
+    where an interrupt (Ctrl-C) ended the one before. beyond_orbits: the steady states of the branch at 9.0 %, each with
+    its stability.
     """
 
     machine: Machine
@@ -59,13 +61,18 @@ class Study:
     natural: Branch
     stability: tuple[Floquet, ...]
     check: Trajectory
-    beyond: Trajectory
+    beyond: Trajectory | None
     beyond_orbits: tuple[tuple[PeriodicOrbit, Floquet], ...]
     truncation: float
 
     def eccentricity(self, percentage: float) -> float:
         """Fraction of the gap that stands for a percentage of the paper on this machine."""
         return percentage / 100 * self.scale
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether an interrupt kept one of the integrations from its end."""
+        return self.beyond is None or self.beyond.interrupted
 
     @property
     def limit(self) -> float:
@@ -95,14 +102,18 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
               ramp: int = RAMP) -> Study:
     """Run the study on a machine at its rated speed; about ten seconds, most of it direct integration.
 
-    progress: called with (what is being done, done, all). revolutions, ramp: of the direct integration.
-    Raises BadInput for a machine without an air gap or unbalance, NoConvergence where there is no first steady state.
+    progress: called with (what is being done, done, all). revolutions, ramp: of the direct integration, which an
+    interrupt (Ctrl-C) ends early: what was computed until then is returned.
+    Raises BadInput for a machine without an air gap, field, unbalance, rotation or damping, or one too slow to be
+    integrated; NoConvergence where there is no stable steady state to begin with.
     """
     def tell(what: str) -> Callable[[int, int], None]:
         return lambda done, of: progress(what, done, of) if progress else None
 
     if machine.air_gap is None:
         raise BadInput(f"{machine.name} has no air_gap; the study is about the pull in the gap, so its card needs one.")
+    if not machine.air_gap.field > 0:
+        raise BadInput("air_gap.field is 0 T; the study is about the pull, so it needs a field.")
     if not any(body.unbalance for body in machine.bodies):
         raise BadInput(f"{machine.name} has no unbalance; the study is about whirl, so a body of its card needs one.")
     if not machine.speed > 0:
@@ -112,7 +123,11 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
         balance = HarmonicBalance(HARMONICS)
         tell("steady states")(0, 1)
         begin = balance.solve(model, speed)
+        method = CentralDifference(stable_steps(model, speed))
         if floquet_all([begin])[0].verdict != "stable":
+            if not model.C.any() and not model.law.moving:
+                raise BadInput(f"{machine.name} has no damping, so its motions never settle; add a [damping] table with "
+                               "a ratio, or damping to its bearings.")
             raise NoConvergence(f"{machine.name} has no stable steady state even without eccentricity: the pull, "
                                 f"{machine.air_gap.pull_stiffness:.3g} N/m, is too strong for its bearings and shaft. A "
                                 "lower field or stiffer bearings would give one.")
@@ -129,12 +144,12 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
         tell("steady states")(1, 1)
         stability = branch_stability(branch).points
         tell("stability")(1, 1)
-        method = CentralDifference(stable_steps(model, speed))
         check = integrate(model, method, speed=speed, static_eccentricity=VALIDATION / 100 * scale,
                           revolutions=revolutions, ramp=ramp, progress=tell("direct integration at 8.8 %"))
-        beyond = integrate(model, method, speed=speed, static_eccentricity=BEYOND / 100 * scale,
-                           revolutions=min(revolutions, REVOLUTIONS_BEYOND), start=orbits[8.9],
-                           progress=tell("direct integration at 9.0 %"))
+        beyond = None if check.interrupted else integrate(
+            model, method, speed=speed, static_eccentricity=BEYOND / 100 * scale,
+            revolutions=min(revolutions, REVOLUTIONS_BEYOND), start=orbits[8.9],
+            progress=tell("direct integration at 9.0 %"))
         there = orbits_at(branch, BEYOND / 100 * scale)
         there = tuple(zip(there, floquet_all(there), strict=True))
     return Study(machine, model, speed, scale, branch, orbits, natural, stability, check, beyond, there,
@@ -142,11 +157,18 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
 
 
 def stable_steps(model: Model, speed: float) -> int:
-    """STEPS a revolution, doubled until central differences are stable: a bearing or a crack makes a stiffer basis."""
+    """STEPS a revolution, doubled until central differences are stable: a bearing or a crack makes a stiffer basis.
+
+    Raises BadInput where that takes more than MOST_STEPS.
+    """
     small, steps = reduce(model), STEPS
     fastest = math.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(small.M, small.K))).max())
     while fastest * 2 * math.pi / speed / steps > 2:
         steps *= 2
+        if steps > MOST_STEPS:
+            raise BadInput(f"speed is {speed * 30 / math.pi:.4g} rpm and the fastest frequency of {model.name} is "
+                           f"{fastest:.4g} rad/s: direct integration needs more than {MOST_STEPS} steps in a revolution, "
+                           f"too many for {REVOLUTIONS} of them. Raise the speed, or check masses and stiffnesses.")
     return steps
 
 

@@ -189,6 +189,13 @@ def test_a_wrong_command_line_exits_with_2(arguments, capsys):
     assert "usage: hydrolab" in capsys.readouterr().err
 
 
+def test_check_alone_builds_nothing(capsys, monkeypatch):
+    import hydrolab.course.static_book as static_book
+    monkeypatch.setattr(static_book, "build", lambda *_, **__: pytest.fail("it builds the book"))
+    assert cli.main(["book", "--check"]) == 2
+    assert_one_sentence(capsys, "--check goes with --refresh")
+
+
 def test_version(capsys):
     with pytest.raises(SystemExit) as stop:
         cli.main(["--version"])

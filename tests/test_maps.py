@@ -338,6 +338,22 @@ def test_axes_are_checked(machine, x, y, words):
         steady_map(machine, x, [0.1], y, [0.5])
 
 
+def test_eccentricities_are_fractions_of_the_gap(machine):
+    """8.8 for 8.8 % would come out as a map in which every point is beyond the fold."""
+    with pytest.raises(BadInput, match=r"x_values has 8\.8"):
+        steady_map(machine, "static_eccentricity", [0.0, 8.8], "field", [0.5])
+    for wrong in (8.8, np.nan, "0.05"):
+        with pytest.raises(BadInput, match="eccentricity is"):
+            steady_map(machine, "speed", [15.0], "field", [0.5], eccentricity=wrong)
+
+
+def test_a_path_may_be_text(machine, tmp_path):
+    path = tmp_path / "map.nc"
+    found = steady_map(machine, "static_eccentricity", E[:2], "field", FIELDS[:1], path=str(path))
+    with xr.open_dataset(path, engine="scipy") as on_disk:
+        assert same(on_disk.load(), found)
+
+
 @pytest.mark.parametrize("values", [[], [np.nan], [[0.1]], [np.inf]])
 def test_values_are_checked(machine, values):
     with pytest.raises(BadInput, match="x_values must be a list of finite"):

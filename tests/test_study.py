@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from hydrolab import BadInput, load_machine, rpm
+from hydrolab.calibration import load_family
 from hydrolab.claims import CLAIMS, PHASE, judge
 from hydrolab.cli import main
 from hydrolab.dynamics.orbit_shape import ellipse, self_crossings
+from hydrolab.family import Verdicts
 from hydrolab.machine.cards import card_text
 from hydrolab.machine.elements import shaft_element
-from hydrolab.machine.fault_parts import Crack
+from hydrolab.machine.fault_parts import Crack, JournalFilm, PadBearing
 from hydrolab.machine.forces import ShapedPull
+from hydrolab.machine.gap_parts import GapShape, Poles
 from hydrolab.machine.vary import vary
-from hydrolab.report import report
+from hydrolab.report import machine_record, report
+from hydrolab.show.rotor_figure import figure_7
 from hydrolab.stresses import stress_fluctuation
 from hydrolab.study import run_study, stable_steps
 
@@ -169,6 +175,96 @@ def test_the_study_of_a_machine_with_other_laws(changes):
     json.dumps(report(study, judged))
 
 
+@pytest.mark.parametrize("changes", [
+    {"poles": Poles(19, pole_angle=0.37)}, {"shapes": (GapShape("oval", "stator", 2, 3.1e-4, 0.77),)},
+    {"air_gap": replace(load_machine("kaplan-150rpm").air_gap, tangential=0.123)}, {"cracks": (Crack("crack", 2, 0.213),)},
+    {"pad_bearings": (PadBearing("pads", 1, 8, 1.1e9, 1.7e-4),),
+     "films": (JournalFilm("film", 11, 0.041, 0.4, 0.3, 2e-4),)}, {}], ids=lambda changes: "+".join(changes) or "paper")
+def test_the_report_has_every_number_of_the_machine(study, changes):
+    """Each of `Machine.numbers` that is not zero, so that another code can rebuild a machine with other laws too."""
+    machine = replace(study.machine, **changes)
+    record = json.loads(json.dumps(machine_record(replace(study, machine=machine))))
+    assert set(changes) <= set(record)
+
+    def leaves(value):
+        if isinstance(value, dict | list):
+            return {leaf for v in (value.values() if isinstance(value, dict) else value) for leaf in leaves(v)}
+        return {value}
+    written = leaves(record)
+    for key, value in machine.numbers().items():
+        if key != "speed":
+            assert set(np.ravel(value).tolist()) - {0.0} <= written, key
+
+
+def interrupted(at, *, revolutions=12):
+    """A study that is interrupted in the third revolution of the integration at this percentage."""
+    def tell(what, done, of):
+        if what == f"direct integration at {at} %" and done == 3:
+            raise KeyboardInterrupt
+    return run_study(load_machine("kaplan-150rpm"), tell, revolutions=revolutions, ramp=4)
+
+
+@pytest.mark.parametrize(("at", "left"), [(8.8, {1, 6}), (9.0, {6})])
+def test_an_interrupt_is_no_verdict(at, left):
+    """Neither a difference (claim 1) nor contact (claim 6) may be read from a motion that was cut off."""
+    study = interrupted(at)
+    assert study.interrupted and study.check.interrupted == (at == 8.8)
+    claims = judge(study)
+    assert {c.id for c in claims if c.holds is None} == left
+    assert {c.id for c in claims if c.verdict == "not judged"} == left
+    record = json.loads(json.dumps(report(study, claims)))
+    assert len(record["orbits"]) == 12 and len(record["branch"]["folds"]) == 3  # all that was computed is kept
+    assert {c["id"] for c in record["claims"] if c["holds"] is None} == left
+    assert (record["time_integration"]["beyond"] is None) == (at == 8.8)
+
+
+def test_command_after_an_interrupt(tmp_path, capsys, monkeypatch):
+    import hydrolab.report as module
+    monkeypatch.setattr(module, "run_study", lambda machine, tell: interrupted(8.8))
+    assert main(["study", "--out", str(tmp_path), "--family"]) == 130
+    printed = capsys.readouterr().out
+    assert "not judged" in printed and "Stopped by Ctrl-C" in printed
+    assert [path.name for path in tmp_path.iterdir()] == ["report.json"]  # no figure of a motion that was cut off
+
+
+def test_a_family_that_is_cut_short(tmp_path, capsys, study, monkeypatch):
+    """An interrupt after two members, and a process that dies: what is done counts, and it is said how many."""
+    import hydrolab.family as family
+    import hydrolab.report as module
+    monkeypatch.setattr(module, "run_study", lambda machine, tell: study)
+    monkeypatch.setattr(module, "sensitivity_table", lambda machine: "sensitivity")
+    members = load_family().members
+    two = [Verdicts(m, "plain", dict.fromkeys(range(1, 13), True)) for m in members[:2]]
+    monkeypatch.setattr(family, "judge_family", lambda members, progress: two)
+    assert main(["study", "--out", str(tmp_path), "--family", "--no-figures"]) == 130
+    assert f"Stopped after 2 of {len(members)} members" in capsys.readouterr().out
+    record = json.loads((tmp_path / "report.json").read_text())
+    assert record["claims"][0]["family"] == {"plain": {"agree": 2, "of": 2}}
+
+
+def test_a_member_that_was_interrupted_has_no_verdict(monkeypatch):
+    import hydrolab.family as family
+    study = interrupted(8.8)
+    monkeypatch.setattr(family, "run_study", lambda machine: study)
+    with pytest.raises(KeyboardInterrupt):
+        family.judge_member(load_family().members[0])
+
+
+def judge_or_die(member):
+    """In a worker: all but the first member end their process."""
+    if member.number:
+        time.sleep(1)
+        os._exit(1)
+    return Verdicts(member, "plain", {})
+
+
+def test_members_of_dead_workers_are_left_out(monkeypatch):
+    import hydrolab.family as family
+    monkeypatch.setattr(family, "judge_member", judge_or_die)
+    members = [replace(load_family().members[0], number=n) for n in (0, 1)]
+    assert [v.member.number for v in family.judge_family(members, workers=1)] == [0]
+
+
 def test_command_writes_its_report(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "120")
     import hydrolab.report as module
@@ -178,6 +274,28 @@ def test_command_writes_its_report(tmp_path, capsys, monkeypatch):
     assert record["machine"]["shaft"] is None and all(c["family"] is None for c in record["claims"])
     printed = capsys.readouterr().out
     assert "fails" in printed and "of 12 claims hold" in printed and "stretched" in printed
+
+
+def test_a_name_with_brackets_is_printed_as_it_stands(tmp_path, capsys, study, monkeypatch):
+    """Rich takes brackets for markup: it would leave [red] out, and stumble over [/blue]."""
+    import hydrolab.report as module
+    named = replace(study, machine=replace(study.machine, name="[red]unit[/blue]"))
+    monkeypatch.setattr(module, "load_machine", lambda card: named.machine)
+    monkeypatch.setattr(module, "run_study", lambda machine, tell: named)
+    monkeypatch.setenv("COLUMNS", "200")
+    assert main(["study", "--out", str(tmp_path), "--no-figures"]) == 0
+    printed = capsys.readouterr().out
+    assert "claims hold on [red]unit[/blue]" in printed and "Criterion:" in printed and "[dim]" not in printed
+
+
+def test_a_part_s_name_is_no_formula(study):
+    """Matplotlib takes what stands between two dollars for TeX."""
+    guide, lower = study.machine.bearings
+    named = replace(study.machine, bearings=(replace(guide, name=r"guide $\frac $"), lower))
+    figure = figure_7(replace(study, machine=named)).figure
+    figure.canvas.draw()
+    assert any(r"guide \$\frac \$" in label.get_text() for axes in figure.axes for right in axes.child_axes
+               for label in right.get_yticklabels())
 
 
 @pytest.mark.parametrize(("edit", "words"), [
@@ -194,12 +312,15 @@ def test_a_bad_card_is_one_sentence(tmp_path, capsys, edit, words):
 
 
 @pytest.mark.parametrize(("changes", "words"), [
-    ({"unbalance": 0.0}, "no unbalance"), ({"speed": 0.0}, "turning rotor")])
+    ({"unbalance": 0.0}, "no unbalance"), ({"speed": 0.0}, "turning rotor"), ({"field": 0.0}, "needs a field"),
+    ({"speed": rpm(0.001)}, "more than 8192 steps")])
 def test_what_cannot_be_studied(changes, words):
     with pytest.raises(BadInput, match=words):
         run_study(vary(load_machine("kaplan-150rpm"), changes))
     with pytest.raises(BadInput, match="no air_gap"):
         run_study(load_machine("three-disc"))
+    with pytest.raises(BadInput, match="no damping"):  # not a pull too strong
+        run_study(replace(load_machine("kaplan-150rpm"), damping=None))
 
 
 def test_a_field_too_strong_ends_in_a_sentence(capsys, tmp_path):

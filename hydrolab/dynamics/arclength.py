@@ -89,6 +89,18 @@ def arclength(system: ParametrisedSystem, y: NDArray, parameter: float, *, towar
         yield here
 
 
+def land(system: ParametrisedSystem, before: Step, after: Step, parameter: float) -> Step | None:
+    """The point between two steps where the parameter has this value; None if Newton does not settle there."""
+    share = (parameter - before.parameter) / (after.parameter - before.parameter)
+    z = np.append(before.y + share * (after.y - before.y), parameter)
+    fixed = np.zeros(len(z))
+    fixed[-1] = 1.0
+    found = correct(system, z, fixed, max_steps=12)
+    if found is None:
+        return None
+    return replace(found, parameter=parameter, tangent=math.copysign(1.0, before.tangent[-1]) * found.tangent)
+
+
 def locate_fold(system: ParametrisedSystem, before: Step, after: Step) -> Step:
     """The point between two steps where the parameter turns: λ' = 0 along the curve, by a bracketed secant."""
     start = np.append(before.y, before.parameter)

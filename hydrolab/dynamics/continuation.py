@@ -9,13 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.arclength import Step, arclength, correct, locate_fold
+from hydrolab.dynamics.arclength import Step, arclength, correct, land, locate_fold
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.parameters import path
 from hydrolab.dynamics.problems import Path
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
 from hydrolab.dynamics.solvers import newton
 from hydrolab.errors import BadInput, NoConvergence
+from hydrolab.machine.checks import number, whole
 from hydrolab.machine.forces import CircularPull
 from hydrolab.machine.model import Model
 
@@ -42,13 +43,15 @@ class Arclength:
     past_start: bool = False
 
     def __post_init__(self) -> None:
+        if not isinstance(self.balance, HarmonicBalance):
+            raise BadInput(f"balance is {self.balance!r}; it must be a HarmonicBalance.")
         for key in ("step", "max_step", "max_turn"):
-            if not (math.isfinite(getattr(self, key)) and getattr(self, key) > 0):
-                raise BadInput(f"{key} is {getattr(self, key)!r}; it must be a positive number.")
+            if number(key, getattr(self, key), above=0) > 1:
+                raise BadInput(f"{key} is {getattr(self, key):g}; at most 1 is allowed, "
+                               f"{'a radian' if key == 'max_turn' else 'the whole gap'}, and far less is usual.")
         for key, least in (("max_points", 2), ("max_folds", 1), ("tail", 0)):
-            if not isinstance(getattr(self, key), int) or getattr(self, key) < least:
-                raise BadInput(f"{key} is {getattr(self, key)!r}; it must be a whole number of at least {least}.")
-        if not 0 <= self.smallest_gap < 1:
+            whole(key, getattr(self, key), least)
+        if not 0 <= number("smallest_gap", self.smallest_gap) < 1:
             raise BadInput(f"smallest_gap is {self.smallest_gap!r}; it is a fraction of the gap, from 0 to below 1.")
 
 
@@ -95,20 +98,22 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float | 
     "field" or "unbalance" (factors on the machine's own), "bearings.<name>.stiffness" (N/m). The branch begins at the
     given speed (rad/s), static eccentricity and direction and at the machine's own field, unbalance and bearings, or
     on `start`, an orbit there.
-    Ends at `to` (half the gap if none is given for the eccentricity), at contact, back at the start value, after
+    Ends on `to` (half the gap if none is given for the eccentricity), at contact, back at the start value, after
     `max_folds` folds and a short tail, or after `max_points`; `branch.stopped` says which. Raises BadInput, or
     NoConvergence where there is no first steady state.
     """
     method = method or Arclength()
+    if not isinstance(method, Arclength):
+        raise BadInput(f"method is a {type(method).__name__}; it must be an Arclength, which takes a HarmonicBalance.")
     if start is not None:
         static_eccentricity, direction = start.static_eccentricity, _direction(start, direction)
     along = path(model, parameter, method.balance, speed, static_eccentricity, direction)
     if to is None and parameter != "static_eccentricity":
         raise BadInput(f"to is missing; say up to which value {parameter} is to be followed, from {along.say(along.first)}.")
     to = 0.5 if to is None else to
-    if not math.isfinite(to) or (along.unit == "%" and abs(to) >= 1):
-        raise BadInput(f"to is {to!r}; it must be a finite value of {parameter}"
-                       + (", a fraction of the gap between -1 and 1 (12 % is 0.12)." if along.unit == "%" else "."))
+    number("to", to, unit="" if along.unit == "%" else along.unit)
+    if along.unit == "%" and abs(to) >= 1:
+        raise BadInput(f"to is {to!r}; it is a fraction of the gap, between -1 and 1 (12 % is 0.12).")
     if to == along.first:
         raise BadInput(f"to is {to:g}, where the branch starts; give another end.")
     origin = start or method.balance.solve(model, speed, static_eccentricity, direction=direction)
@@ -134,8 +139,14 @@ def _walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength) -> B
     watched = method.smallest_gap > 0 or type(model.law) is not CircularPull
     for point in arclength(system, origin.local.ravel() / origin.equations.length, along.first / along.scale,
                            toward=forward, step=method.step, max_step=method.max_step, max_turn=method.max_turn):
+        fold = None
         if steps and point.tangent[-1] * steps[-1].tangent[-1] < 0:
             fold = locate_fold(system, steps[-1], point)
+        furthest = fold if fold and forward * fold.parameter > forward * point.parameter else point
+        reached = forward * (furthest.parameter * along.scale - to) >= 0
+        if reached and (landed := land(system, steps[-1], furthest, to / along.scale)):
+            point, fold = landed, None  # a fold in this step lies beyond `to`
+        if fold:
             value = fold.parameter * along.scale
             special.append(SpecialPoint("fold", value, len(steps) - 1, fold.y, along.say(value, 8)))
         steps.append(point)
@@ -147,7 +158,7 @@ def _walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength) -> B
                        if gap > 0 else f"The rotor touches the stator at {along.say(value)}.")
         elif closed:
             stopped = f"It is closed: it came back to the steady state at {along.say(along.first)} where it began."
-        elif forward * (value - to) >= 0:
+        elif reached:
             stopped = f"It reached {along.say(to)} as asked."
         elif not method.past_start and len(steps) > 2 and forward * (value - along.first) <= 0:
             stopped = f"It came back to {along.say(along.first)}, where it began."

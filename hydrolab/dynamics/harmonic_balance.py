@@ -13,6 +13,7 @@ from hydrolab.dynamics.condensation import Condensed, condense
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.solvers import Solution, newton
 from hydrolab.errors import BadInput, NoConvergence
+from hydrolab.machine.checks import number, require_model, turning, whole
 from hydrolab.machine.model import Model
 
 
@@ -31,26 +32,23 @@ class HarmonicBalance:
     revolutions: int = 1
 
     def __post_init__(self) -> None:
-        if isinstance(self.harmonics, bool) or not isinstance(self.harmonics, int) or not 1 <= self.harmonics <= 64:
-            raise BadInput(f"harmonics is {self.harmonics!r}; it must be a whole number from 1 to 64.")
+        whole("harmonics", self.harmonics, 1, 64)
         if not isinstance(self.aft_samples, int) or self.aft_samples < 2 * self.harmonics + 2:
             raise BadInput(f"samples is {self.samples!r}; {self.harmonics} harmonics need at least "
                            f"{2 * self.harmonics + 2}, and several times that for a pull without aliasing.")
-        if isinstance(self.revolutions, bool) or not isinstance(self.revolutions, int) or (
-                not 1 <= self.revolutions <= self.harmonics):
-            raise BadInput(f"revolutions is {self.revolutions!r}; it must be a whole number from 1 to the harmonics, "
-                           f"{self.harmonics}, so that the unbalance is among them.")
+        whole("revolutions", self.revolutions, 1, self.harmonics, "the harmonics, so that the unbalance is among them")
+        if not callable(self.solver):
+            raise BadInput(f"solver is {self.solver!r}; it must be a function, newton or powell_dog_leg of hydrolab.")
 
     @property
     def aft_samples(self) -> int:
         """Time samples in a period: as given, or 16 a harmonic and at least 64."""
-        return max(64, 16 * self.harmonics) if self.samples is None else self.samples
+        return max(64, 16 * int(self.harmonics)) if self.samples is None else self.samples
 
     def equations(self, model: Model, speed: float) -> Condensed:
         """The condensed equations of a model at a speed (rad/s)."""
-        if not (math.isfinite(speed) and speed > 0):
-            raise BadInput(f"speed is {speed!r}; it must be a positive number in rad/s (use rpm(150) for 150 rpm).")
-        return condense(model, float(speed), self.harmonics, self.aft_samples, self.revolutions)
+        require_model(model)
+        return condense(model, turning(speed), self.harmonics, self.aft_samples, self.revolutions)
 
     def solve(self, model: Model, speed: float, static_eccentricity: float = 0.0, *,
               direction: float = math.pi / 2, start: PeriodicOrbit | None = None) -> PeriodicOrbit:
@@ -62,6 +60,7 @@ class HarmonicBalance:
         BadInput for arguments outside what is allowed.
         """
         eq = self.equations(model, speed)
+        number("static_eccentricity", static_eccentricity)
         centre = model.centre(static_eccentricity, direction)
         if start is not None:
             solution = self.from_guess(eq, centre, first_guess(eq, start))
@@ -101,6 +100,7 @@ class HarmonicBalance:
         size = f"residual {left:.1e} N" if math.isfinite(left) else "the rotor outside the gap"
         return (f"{self.solver.__name__} stopped {where} after {solution.steps} steps, {size}: "
                 + (f"a fold is near (smallest singular value {smallest:.0e}). " if smallest < 0.05 else "")
+                + ("" if math.isfinite(left) else "Lower the eccentricity, the unbalance or the field. ")
                 + "Start from a neighbouring steady state, or follow the branch with `follow`; "
                   "a solver that stops does not show that there is no steady state.")
 

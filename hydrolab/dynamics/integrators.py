@@ -18,6 +18,7 @@ from hydrolab.dynamics.results import PeriodicOrbit, Trajectory, contact_sentenc
 from hydrolab.dynamics.task import Task
 from hydrolab.dynamics.time_methods import Block, CentralDifference, Newmark, RungeKutta
 from hydrolab.errors import BadInput, NoConvergence
+from hydrolab.machine.checks import number, require_model, turning, whole
 from hydrolab.machine.model import Model
 
 Progress = Callable[[int, int], None]
@@ -38,21 +39,22 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
     `stopped` says what happened.
     Raises BadInput for arguments outside what is allowed, among them a step beyond the stability limit.
     """
-    if not (math.isfinite(speed) and speed > 0):
-        raise BadInput(f"speed is {speed!r}; it must be a positive number in rad/s (use rpm(150) for 150 rpm).")
-    if isinstance(revolutions, bool) or not isinstance(revolutions, int) or revolutions < 1:
-        raise BadInput(f"revolutions is {revolutions!r}; it must be a whole number of at least 1.")
+    require_model(model)
+    speed = turning(speed)
+    if not isinstance(method, CentralDifference | Newmark | RungeKutta):
+        raise BadInput(f"method is {method!r}; it must be a CentralDifference, a Newmark or a RungeKutta.")
+    revolutions = whole("revolutions", revolutions, 1)
     period = 2 * math.pi / speed
     begin = float(start.times[-1]) if isinstance(start, Trajectory) else 0.0
     if not 0 <= ramp <= begin / period + revolutions:
         raise BadInput(f"ramp is {ramp!r}; it must lie between 0 and the {revolutions} revolutions.")
-    centre = model.centre(static_eccentricity, direction)
+    centre = model.centre(number("static_eccentricity", static_eccentricity), direction)
     small = model if modes is None else reduce(model, modes)
     inertia = np.linalg.eigvalsh(small.M)
     if not inertia[0] > len(inertia) * np.finfo(float).eps * inertia[-1]:
         raise BadInput(f"{model.name} has a DOF without mass, which cannot be integrated in time; give the shaft a "
                        "density above 0.")
-    task = Task(small, float(speed), centre, ramp * period)
+    task = Task(small, speed, centre, ramp * period)
     state = _first_state(model, small, speed, start)
     if any(disturbance):
         generator = small.selection[:2]
@@ -60,7 +62,7 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
         state = state + [static @ np.linalg.solve(generator @ static, disturbance), np.zeros(small.size)]
 
     blocks: list[Block] = [(np.array([begin]), (small.selection[:2] @ state[0])[:, None], state)]
-    stopped = None
+    stopped, interrupted = None, False
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # a motion that grows without bound is said in words below
             for block in method.run(task, state, begin, revolutions):
@@ -71,14 +73,15 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
                 if progress:
                     progress(len(blocks) - 1, revolutions)
     except KeyboardInterrupt:
+        interrupted = True
         stopped = f"Interrupted after {len(blocks) - 1} of {revolutions} revolutions; these are kept."
     except NoConvergence as failure:
         stopped = str(failure)
     finished = stopped is None
     times, paths, states = zip(*blocks, strict=True)
-    return Trajectory(small, float(speed), float(static_eccentricity), centre, np.concatenate(times),
+    return Trajectory(small, speed, float(static_eccentricity), centre, np.concatenate(times),
                       np.concatenate(paths, axis=1), states[-1],
-                      stopped or f"It ran the {revolutions} revolutions asked for.", finished, method)
+                      stopped or f"It ran the {revolutions} revolutions asked for.", finished, method, interrupted)
 
 
 def _first_state(model: Model, small: Model, speed: float, start: PeriodicOrbit | Trajectory | None) -> NDArray:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hydrolab.dynamics.condensation import SINGULAR
 from hydrolab.errors import BadInput
+from hydrolab.machine.checks import whole
 from hydrolab.machine.model import Model
 
 
@@ -29,8 +30,7 @@ def reduce(model: Model, modes: int = 12, gyroscopic: bool = False) -> Model:
     so M is the identity and K is diagonal. A model with no more DOFs than the basis comes back in all its modes.
     Raises BadInput if `modes` is not a whole number of at least 1.
     """
-    if isinstance(modes, bool) or not isinstance(modes, (int, np.integer)) or modes < 1:
-        raise BadInput(f"modes is {modes!r}; it must be a whole number of at least 1.")
+    whole("modes", modes, 1)
     if not np.linalg.cond(model.K, 1) < 1 / SINGULAR:
         raise BadInput(f"{model.name} can move freely, so it has no static deflection; give it bearings.")
     try:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from hydrolab.dynamics.condensation import Condensed, fourier_rows, from_complex, to_complex
 from hydrolab.dynamics.problems import Path
-from hydrolab.errors import Contact
+from hydrolab.errors import BadInput, Contact
 from hydrolab.machine.model import Model
 
 PERIOD = 2 * np.pi * np.arange(360) / 360  # phases at which an orbit's smallest gap is looked for
@@ -270,7 +270,8 @@ class Trajectory:
     times: s, shape (T,). positions: (x, z) of the generator centre, m, shape (2, T).
     state: displacement and velocity of all DOFs of the integrated model at the end, (2, n), to go on from (nan
     after contact).
-    stopped: why it ends, in words. finished: whether all that was asked for was integrated.
+    stopped: why it ends, in words. finished: whether all that was asked for was integrated; interrupted: whether it was
+    an interrupt that kept it from that.
     """
 
     model: Model
@@ -283,6 +284,7 @@ class Trajectory:
     stopped: str
     finished: bool
     method: object
+    interrupted: bool = False
 
     @property
     def revolutions(self) -> float:
@@ -298,7 +300,10 @@ class Trajectory:
         """[mean, sin 1, cos 1, …] of the last whole revolutions, m, (2, 2m + 1), by least squares in Ωt.
 
         Least squares, so that any number of steps in a revolution will do.
+        Raises BadInput for a motion that ended before so many revolutions.
         """
+        if self.revolutions < revolutions * (1 - 1e-9):
+            raise BadInput(f"revolutions is {revolutions}, and the motion has {self.revolutions:.3g}. {self.stopped}")
         times, positions = self.last(revolutions)
         rows = fourier_rows(harmonics, self.speed * times[1:])
         return np.linalg.lstsq(rows.T, positions[:, 1:].T, rcond=None)[0].T

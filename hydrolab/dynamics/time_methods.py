@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 
 from hydrolab.dynamics.task import Task, explicit_pull, implicit_forces, implicit_pull
 from hydrolab.errors import BadInput, NoConvergence
+from hydrolab.machine.checks import whole
 from hydrolab.machine.forces import CircularPull
 from hydrolab.machine.model import Model
 
@@ -198,5 +199,4 @@ class RungeKutta:
 
 
 def _check_steps(steps: int) -> None:
-    if isinstance(steps, bool) or not isinstance(steps, int) or steps < 8:
-        raise BadInput(f"steps_per_revolution is {steps!r}; it must be a whole number of at least 8.")
+    whole("steps_per_revolution", steps, 8)

@@ -68,11 +68,27 @@ def number(key: str, value: Any, *, above: float = -math.inf, least: float = -ma
     return value
 
 
-def whole(key: str, value: Any, least: int, most: int, why: str) -> int:
+def whole(key: str, value: Any, least: int, most: float = math.inf, why: str = "") -> int:
     """Return value if it is a whole number from least to most, or say in a sentence, with the reason why, that not."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
-        raise BadInput(f"{key} is {shown(value)}; it must be a whole number from {least} to {most} ({why}).")
+        span = f"of at least {least}" if most == math.inf else f"from {least} to {most}"
+        raise BadInput(f"{key} is {shown(value)}; it must be a whole number {span}{f' ({why})' if why else ''}.")
     return int(value)
+
+
+def turning(speed: Any) -> float:
+    """Return a speed of rotation, rad/s, or say in a sentence that it is none."""
+    try:
+        return number("speed", speed, above=0, unit="rad/s")
+    except BadInput as error:
+        raise BadInput(f"{str(error)[:-1]} (rpm(150) gives 150 rpm in rad/s).") from None
+
+
+def require_model(model: Any) -> None:
+    """Raise BadInput for what has no matrices, such as a machine."""
+    if not hasattr(model, "velocity_matrix"):
+        own = "; a Machine makes one by its method model()" if hasattr(model, "model") else ""
+        raise BadInput(f"model is a {type(model).__name__}; it must be a Model{own}.")
 
 
 def vector(key: str, values: ArrayLike, *, above: float = -math.inf, least: float = -math.inf,

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import segno
+from rich.markup import escape
 from rich.progress import Progress
 
 from hydrolab.errors import BadInput
@@ -76,7 +77,7 @@ def show_command(card: str | None, *, room: bool, host: str | None, port: int | 
 def _record(machine: Machine, run_sheet: RunSheet | None, path: Path, begin: Mapping[str, Any]) -> int:
     """Write the machine, or each step of a run sheet, as a file."""
     with Progress(transient=True) as progress:
-        task = progress.add_task(f"recording {path.name}")
+        task = progress.add_task(escape(f"recording {path.name}"))
 
         def done(part: int, whole: int) -> None:
             progress.update(task, completed=part, total=whole)

@@ -82,7 +82,8 @@ def name_parts(axes: Axes, machine: Machine) -> None:
         else:
             lines.append((y, name))
     right = axes.secondary_yaxis("right")
-    right.set_yticks(*zip(*lines, strict=True))
+    depths, names = zip(*lines, strict=True)
+    right.set_yticks(depths, [name.replace("$", r"\$") for name in names])  # Matplotlib would read $…$ as a formula
     right.spines["right"].set_visible(False)
     right.tick_params(length=0)
 

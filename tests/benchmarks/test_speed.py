@@ -39,8 +39,10 @@ from hydrolab import (
     update_branch,
     vary,
 )
+from hydrolab.calibration import load_family
 from hydrolab.dynamics.condensation import condense
 from hydrolab.dynamics.full_balance import dynamic_matrix, solve_full
+from hydrolab.family import judge_family
 from hydrolab.machine.fault_parts import PadBearing
 from hydrolab.machine.parts import RayleighDamping, Shaft
 
@@ -376,6 +378,28 @@ def test_memory(run, benchmark, whole):
     run(lambda: None, "peak memory, branch, stability, basins and map of 100 × 100", rounds=1)
     benchmark.extra_info["bytes"] = float(done.stdout)
     assert float(done.stdout) < 2**30
+
+
+# ------------------------------------------------------------------ the paper's study
+
+def test_study(run, tmp_path, whole):
+    """The command with its figures, in a process of its own, as a user runs it."""
+    if not whole:
+        pytest.skip("tests/test_study.py runs the study")
+    command = [sys.executable, "-m", "hydrolab.cli", "study", "--out", str(tmp_path)]
+    run(lambda: subprocess.run(command, capture_output=True, check=True), "hydrolab study", target=60.0, rounds=1)
+    assert (tmp_path / "report.json").exists()
+
+
+def test_family(run, whole):
+    """What `--family` adds: every tenth member on two processes, counted ten times, for all take about as long."""
+    if not whole:
+        pytest.skip("eight studies take a minute")
+    members = load_family().members
+    some = members[::10]
+    verdicts = run(lambda: judge_family(some, workers=2), f"study of the family, {len(members)} members on two cores",
+                   per=len(some) / len(members), target=540.0, rounds=1)
+    assert len(verdicts) == len(some) and not any(v.failure for v in verdicts)
 
 
 # ------------------------------------------------------------------ import

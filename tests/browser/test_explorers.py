@@ -1,7 +1,6 @@
 """Chapter 10 in a real browser: every cell runs, and its explorer does what a student expects of it."""
 
 import json
-import os
 import re
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import pytest
 
 expect = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]").expect
 
+PICTURES = Path(__file__).resolve().parents[2] / "build" / "pictures"
 CHAPTER = "10-static-eccentricity.ipynb"
 COUNTED = """
 explorer, asked = next(w for w in __import__('ipywidgets').Widget.widgets.values()
@@ -43,10 +43,9 @@ pytestmark = pytest.mark.browser
 
 
 def keep(page, name: str) -> None:
-    """Keep a screenshot where HYDROLAB_SCREENSHOTS names a folder."""
-    if folder := os.environ.get("HYDROLAB_SCREENSHOTS"):
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        page.screenshot(path=str(Path(folder) / f"{name}.png"))
+    """Keep what the page shows, to be looked at."""
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    page.screenshot(path=PICTURES / f"{name}.png")
 
 
 def test_the_explorer_of_chapter_10(visit):

@@ -17,6 +17,7 @@ BROWSER = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "
 FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-sync",
          "--disable-component-update", "--no-proxy-server", "--use-gl=angle", "--use-angle=swiftshader",
          "--enable-unsafe-swiftshader", "--disable-renderer-backgrounding", "--disable-backgrounding-occluded-windows"]
+PICTURES = Path(__file__).resolve().parents[2] / "build" / "pictures"
 PATIENCE = 90_000  # ms; a browser without a graphics card draws slowly
 STATOR = "window.__viserMutable?.nodeRefFromName?.['/stator']?.position.x"
 LABEL = "static eccentricity, %"
@@ -66,9 +67,9 @@ def same_place(*pages):
             page.wait_for_timeout(200)
 
 
-def test_the_presenter_moves_the_machine_and_the_room_watches(hall, tmp_path):
+def test_the_presenter_moves_the_machine_and_the_room_watches(hall):
     address, pin = hall
-    shots = Path(os.environ.get("HYDROLAB_SCREENSHOTS", tmp_path))
+    PICTURES.mkdir(parents=True, exist_ok=True)
     with playwright_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
         mistakes, strangers, pages = [], [], []
@@ -103,8 +104,8 @@ def test_the_presenter_moves_the_machine_and_the_room_watches(hall, tmp_path):
         presenter.bring_to_front()
         presenter.wait_for_function(f"{STATOR} > 1e-2")
         same_place(presenter, watcher)
-        watcher.screenshot(path=shots / "room-watcher.png")
-        presenter.screenshot(path=shots / "room-presenter.png")
+        watcher.screenshot(path=PICTURES / "room-watcher.png")
+        presenter.screenshot(path=PICTURES / "room-presenter.png")
         assert watcher.get_by_text(LABEL).count() == 0
         assert watcher.get_by_text("next", exact=True).count() == 0
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, root
 
-from hydrolab import HarmonicBalance, follow, sweep
+from hydrolab import HarmonicBalance, follow, orbits_at, sweep
 from hydrolab.dynamics.continuation import Arclength, arclength, correct, locate_fold
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.forces import CircularPull, LinearPull
@@ -159,7 +159,7 @@ def test_a_fold_is_printed_in_per_cent(branch):
 def test_follow_goes_the_other_way(unit, speed):
     up = follow(unit, to=0.05, speed=speed)
     down = follow(unit, to=-0.05, speed=speed)
-    assert down.static_eccentricity[-1] <= -0.05
+    assert down.static_eccentricity[-1] == -0.05
     # the mirror image at the origin: a half turn of the machine, so odd harmonics keep, even ones change sign
     one = HarmonicBalance().solve(unit, speed, up.static_eccentricity[-1])
     two = HarmonicBalance().solve(unit, speed, -up.static_eccentricity[-1])
@@ -173,6 +173,38 @@ def test_follow_from_a_given_orbit(unit, speed, branch):
     assert later.static_eccentricity[0] == 0.09
     assert later.folds[0].value == pytest.approx(branch.folds[0].value, abs=1e-12)
     assert "came back to 9 %" in later.stopped
+
+
+@pytest.mark.parametrize(("parameter", "to"), [
+    ("static_eccentricity", 0.05), ("static_eccentricity", 0.10354), ("speed", 20.0), ("field", 0.0), ("unbalance", 0.0),
+    ("direction", 2.0), ("bearings.guide.stiffness", 1.2e9)])
+def test_it_ends_on_the_value_asked_for(unit, speed, parameter, to):
+    """The last point is the steady state at `to`, solved for alone, and no point lies beyond; 10.354 % is under the fold."""
+    name = next(iter(unit.supports))
+    found = follow(unit, parameter.replace("guide", name), to=to, speed=speed,
+                   static_eccentricity=0.0 if parameter == "static_eccentricity" else 0.03)
+    assert found.values[-1] == pytest.approx(to, rel=1e-15)
+    assert "as asked" in found.stopped and not found.folds
+    away = np.sign(to - found.values[0]) * (found.values - to)
+    assert (away <= 1e-15 * abs(to)).all() and (np.diff(away) > 0).all()
+    last = found[-1]
+    alone = HarmonicBalance().solve(last.model, last.speed, last.static_eccentricity, start=found[-2],
+                                    direction=math.atan2(*last.centre) if parameter == "direction" else math.pi / 2)
+    assert np.abs(alone.coefficients - last.coefficients).max() < 1e-10 * unit.gap
+    assert len(orbits_at(found, found.values[-1])) == 1
+
+
+def test_it_does_not_step_over_a_value_just_below_a_fold(peer, speed):
+    """One long step may go over the value, round the fold, and come back below it."""
+    fold = follow(peer, to=0.2, speed=speed).folds[0].value
+    walk = Arclength(step=0.02, max_turn=1.0)
+    for to in (fold - 1e-3, fold - 1e-5, fold - 1e-8):
+        found = follow(peer, to=to, speed=speed, method=walk)
+        assert found.values[-1] == pytest.approx(to, abs=1e-15) and not found.folds
+        alone = HarmonicBalance().solve(peer, speed, to, start=found[-2])
+        assert np.abs(alone.coefficients - found[-1].coefficients).max() < 1e-6 * peer.gap
+    past = follow(peer, to=fold + 1e-6, speed=speed, method=walk)
+    assert past.folds[0].value == pytest.approx(fold, abs=1e-9)
 
 
 # ------------------------------------------------------------------ why it stops
@@ -229,9 +261,11 @@ def test_it_stops_where_no_point_is_found(peer, speed):
 # ------------------------------------------------------------------ refusals
 
 @pytest.mark.parametrize(("options", "words"), [
-    ({"step": 0.0}, "step is 0.0; it must be a positive"), ({"max_step": math.nan}, "max_step"),
+    ({"step": 0.0}, "step is 0; it must be larger than 0"), ({"max_step": math.nan}, "max_step"),
     ({"max_turn": -1.0}, "max_turn"), ({"max_points": 1}, "at least 2"), ({"max_folds": 0}, "at least 1"),
-    ({"tail": -1}, "tail"), ({"max_points": 10.0}, "whole number"), ({"smallest_gap": 1.0}, "fraction of the gap")])
+    ({"tail": -1}, "tail"), ({"max_points": 10.0}, "whole number"), ({"smallest_gap": 1.0}, "fraction of the gap"),
+    ({"step": "small"}, "step is 'small'; it must be a number"), ({"max_turn": 5.0}, "at most 1 is allowed, a radian"),
+    ({"max_folds": True}, "max_folds is True"), ({"balance": 4}, "must be a HarmonicBalance")])
 def test_options_are_checked(options, words):
     with pytest.raises(BadInput, match=words):
         Arclength(**options)
@@ -248,6 +282,12 @@ def test_arguments_are_checked(peer, unit, speed):
         follow(peer, to=0.0, speed=speed)
     with pytest.raises(BadInput, match="speed is"):
         follow(peer, speed=-3.0)
+    with pytest.raises(BadInput, match=r"speed is '150'; it must be a number in rad/s \(rpm"):
+        follow(peer, speed="150")
+    with pytest.raises(BadInput, match=r"to is '0\.1'; it must be a number"):
+        follow(peer, to="0.1", speed=speed)
+    with pytest.raises(BadInput, match="must be an Arclength"):
+        follow(peer, speed=speed, method=HarmonicBalance(8))
     other = HarmonicBalance(harmonics=6).solve(peer, speed, 0.01)
     with pytest.raises(BadInput, match="6 harmonics, the method 4"):
         follow(peer, speed=speed, start=other)

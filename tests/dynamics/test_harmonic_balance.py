@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
-from hydrolab import HarmonicBalance, follow, newton, powell_dog_leg, sweep
+from hydrolab import HarmonicBalance, follow, load_machine, newton, powell_dog_leg, sweep
 from hydrolab.dynamics.condensation import from_complex, to_complex
 from hydrolab.dynamics.full_balance import dynamic_matrix, solve_full
 from hydrolab.errors import BadInput, Contact, NoConvergence
@@ -362,3 +362,16 @@ def test_model_is_not_needed_to_be_a_machine(speed):
                   np.eye(2, 3), LinearPull(1e6, 0.01), 0.01, np.zeros(1), np.eye(3))
     orbit = HarmonicBalance(1).solve(model, speed, 0.1)
     assert relative(orbit.shaft, solve_full(model, speed, 0.1, harmonics=1)) < 1e-10
+
+
+def test_arguments_of_another_kind_are_a_sentence(unit, speed):
+    balance, machine = HarmonicBalance(), load_machine("kaplan-150rpm")
+    with pytest.raises(BadInput, match=r"model is a Machine; .* makes one by its method model\(\)"):
+        balance.solve(machine, speed)
+    with pytest.raises(BadInput, match=r"static_eccentricity is '0\.05'; it must be a number"):
+        balance.solve(unit, speed, "0.05")
+    with pytest.raises(BadInput, match="solver is 'newton'; it must be a function"):
+        HarmonicBalance(solver="newton")
+    with pytest.raises(NoConvergence, match="Lower the eccentricity, the unbalance or the field"):
+        balance.solve(unit.with_unbalance(1e6), speed)
+    assert HarmonicBalance(np.int64(6)).solve(unit, speed, 0.02).harmonics == 6  # as a loop over np.arange gives it

@@ -262,6 +262,7 @@ def test_contact_is_said_with_time_and_angle(peer, speed, method):
     assert run.times[-1] < time * 1.001
     assert run.times[-1] == pytest.approx(time, abs=3 * 2 * math.pi / speed / 128)
     assert np.isfinite(run.positions).all()
+    assert not run.interrupted
     gaps = peer.law.smallest_gap(run.positions - run.centre[:, None])
     assert 0 < gaps[-1] == gaps.min()
     assert angle == pytest.approx(270, abs=15)  # the stator moved to +x, so the rotor falls to −x
@@ -327,6 +328,9 @@ def test_interrupt_keeps_what_was_done_and_going_on_is_exact(unit, speed, method
     assert not part.finished
     assert part.revolutions == pytest.approx(4)
     assert "Interrupted after 4 of 10" in part.stopped
+    assert part.interrupted
+    with pytest.raises(BadInput, match="revolutions is 5, and the motion has 4"):
+        part.coefficients(4, revolutions=5)
     whole = integrate(unit, method, revolutions=10, modes=4, **options)
     rest = integrate(unit, method, revolutions=6, start=part, modes=4, **options)
     assert rest.times[-1] == pytest.approx(whole.times[-1])

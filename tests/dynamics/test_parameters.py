@@ -244,5 +244,5 @@ def test_what_a_model_does_not_have(peer, unit, speed):
         follow(unit, "direction", to=3.0, speed=speed)
     with pytest.raises(BadInput, match=r"to is missing.* from 15\.71 rad/s"):
         follow(unit, "speed", speed=speed)
-    with pytest.raises(BadInput, match="must be a finite value of field"):
+    with pytest.raises(BadInput, match="to is nan; it must be a finite number"):
         follow(unit, "field", to=math.nan, speed=speed)

@@ -1,6 +1,7 @@
 """Run sheets: every number that the room is told holds on the shipped card; a sheet that is none gets a sentence."""
 
 import functools
+import json
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from hydrolab.show.moving import legs_of
 from hydrolab.show.run_sheet import FACTS, RunSheet, facts, load_run_sheet, sheet_machine
 from hydrolab.show.scene import MachineScene
 from hydrolab.show.server import open_server
+from hydrolab.show.sheet_page import record_sheet
 
 FOLDER = Path(__file__).resolve().parents[2] / "book" / "instructor"
 SHEETS = sorted(FOLDER.glob("*.toml"))
@@ -161,3 +163,14 @@ def test_a_missing_sheet_and_a_missing_orbit_get_a_sentence(tmp_path):
     sheet = load_run_sheet(path)
     with pytest.raises(BadInput, match="there is no orbit 1 at 9 %"):
         facts(sheet_machine(sheet, sheet.steps[0]), sheet.steps[0], legs("kaplan-150rpm", 1.0, 1.0))
+
+
+@pytest.mark.parametrize("path", SHEETS, ids=lambda path: path.stem)
+def test_every_step_is_recorded_for_a_hall_without_a_network(path, tmp_path):
+    sheet = load_run_sheet(path)
+    record_sheet(sheet, tmp_path / "fallback.html", turns=1)
+    text = (tmp_path / "fallback.html").read_text(encoding="utf-8")
+    steps = json.loads(re.search(r'<script id="data" type="application/json">(.*?)</script>', text, re.DOTALL)[1])["steps"]
+    assert [step["see"] for step in steps] == [step.see for step in sheet.steps]
+    assert all(len(step["scene"]) > 10_000 for step in steps)
+    assert len(text) < 5e6
