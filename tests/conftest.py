@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import signal
 
 import numpy as np
 import pytest
@@ -20,6 +21,9 @@ from hydrolab.machine.parts import (
 )
 
 SPEED = rpm(150)
+
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # in the background of a shell; programs started here would inherit it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)
