@@ -24,6 +24,7 @@ from hydrolab.dynamics.continuation import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.checks import number
+from hydrolab.machine.forces import CircularPull
 from hydrolab.machine.parts import Machine
 from hydrolab.machine.vary import vary
 
@@ -119,10 +120,13 @@ def steady_map(machine: Machine, x: str, x_values: ArrayLike, y: str, y_values: 
     is written after every row and taken up again if it is there. executor: where rows are computed; here if None.
     progress: called after each row with (done, all), such as a bar of `hydrolab.show.progress`.
     Interrupted (Ctrl-C), it returns what it has, the rest marked NOT_DONE. A worker that dies costs time, not points.
-    Raises BadInput for keys or values that do not fit, or a file that holds another map.
+    Raises BadInput for a law other than the circular pull, keys or values that do not fit, or a file that holds another map.
     """
     import xarray as xr
 
+    if machine.air_gap and type(law := machine.model().law) is not CircularPull:
+        raise BadInput(f"{machine.name} has the law {type(law).__name__}; a map is solved in batches, which know the pull "
+                       "of a round gap alone. Use `follow` for one branch at a time.")
     x_values, y_values = np.asarray(x_values, dtype=float), np.asarray(y_values, dtype=float)
     if x == y or y == ECCENTRICITY:
         raise BadInput(f"x is {x!r} and y is {y!r}; they must differ, and static_eccentricity goes on the x axis.")
@@ -199,7 +203,8 @@ def fingerprint(machine: Machine) -> str:
     parts = repr((machine.speed, machine.shaft and [np.asarray(v).tolist() if not isinstance(v, str) else v
                                                     for v in vars(machine.shaft).values()], machine.bodies,
                   [(b.name, b.node, b.stiffness.tolist(), b.damping.tolist()) for b in machine.bearings],
-                  machine.thrust_bearings, machine.damping, machine.air_gap, machine.poles, machine.shapes))
+                  machine.thrust_bearings, machine.damping, machine.air_gap, machine.poles, machine.shapes,
+                  machine.pad_bearings, machine.films, machine.cracks))
     return hashlib.sha256(parts.encode()).hexdigest()[:16]
 
 

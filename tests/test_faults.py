@@ -8,7 +8,7 @@ import pytest
 from hydrolab import BadInput, HarmonicBalance, RungeKutta, integrate, load_machine, reduce, rpm
 from hydrolab.dynamics.orbit_shape import ellipse
 from hydrolab.faults import Fault, fault_table, typical_faults
-from hydrolab.show.fault_figure import fault_picture
+from hydrolab.show.fault_figure import fault_picture, sizes
 
 UNIT = load_machine("kaplan-150rpm")
 
@@ -67,6 +67,20 @@ def test_picture_and_reading(table):
     heights = [bar.get_height() for bar in bars.axes[0].containers[0]]
     assert heights == pytest.approx([1e6 * table.row(f).mean for f in table.faults])
     assert len(picture.png()) > 10_000
+
+
+def test_picture_and_reading_of_two_speeds(table):
+    kept = [row for row in table.rows if row.fault in ("none", "breathing crack")]
+    faults = [fault for fault in typical_faults(UNIT) if fault.name in ("none", "breathing crack")]
+    slow = fault_table(UNIT, faults, fields=(1.0,), speeds=(rpm(120),))
+    both = replace(table, rows=(*kept, *slow.rows))
+    picture = fault_picture(both)
+    shares = [slow.row(f.name, 1.0, rpm(120)).size(2) / table.row(f.name).size(2) for f in faults]
+    assert (f"At 120 rpm with the field on 2X is {shares[0]:.2f} (none) to {shares[1]:.2f} (breathing crack) times that at "
+            "150 rpm.") in picture.reading
+    marks = [line for line in picture.figure.subfigs[1].axes[0].lines if line.get_marker() == "D"]
+    assert [line.get_ydata()[1] for line in marks] == pytest.approx(
+        [1e6 * v for v in sizes(slow.row("breathing crack", 1.0, rpm(120)))])
 
 
 def test_bad_requests(table):

@@ -18,6 +18,7 @@ from hydrolab import maps as maps_module  # noqa: E402
 from hydrolab.dynamics.batch import Outcome  # noqa: E402
 from hydrolab.dynamics.continuation import Arclength  # noqa: E402
 from hydrolab.errors import BadInput  # noqa: E402
+from hydrolab.faults import typical_faults  # noqa: E402
 from hydrolab.maps import READINGS, fingerprint, steady_row  # noqa: E402
 
 E = np.array([0.0, 0.02, 0.05, 0.08, 0.089, 0.1])
@@ -111,6 +112,14 @@ def test_it_says_what_it_holds(whole, machine):
     for key, value in (("bodies.generator.mass", 1e5), ("field", 0.4), ("speed", 15.0), ("shaft.young", 2.05e11),
                        ("bearings.generator guide bearing.stiffness", 1e9)):
         assert fingerprint(vary(machine, {key: value})) != fingerprint(machine), key
+
+
+def test_a_faulty_machine_has_another_fingerprint_and_no_map(machine):
+    faults = typical_faults(machine)[2:]
+    assert len({fingerprint(machine), *(fingerprint(fault.machine) for fault in faults)}) == 1 + len(faults)
+    for fault in faults:
+        with pytest.raises(BadInput, match=r"kaplan-150rpm has the law \w+; .* Use `follow`"):
+            steady_map(fault.machine, "static_eccentricity", E, "field", FIELDS[:1])
 
 
 # ------------------------------------------------------------------ stop and go on

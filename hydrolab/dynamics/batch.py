@@ -89,8 +89,8 @@ def stack(systems: Sequence[Condensed]) -> Batch:
     first = systems[0]
     if any((s.harmonics, s.samples) != (first.harmonics, first.samples) for s in systems):
         raise BadInput("a batch needs systems with the same number of harmonics and samples.")
-    if any(type(s.model.law) is not CircularPull for s in systems):
-        raise BadInput("a batch takes circular gaps only.")
+    if other := next((s.model for s in systems if type(s.model.law) is not CircularPull), None):
+        raise BadInput(f"{other.name} has the law {type(other.law).__name__}; a batch takes circular gaps only.")
     columns = 2 * first.harmonics + 1
     weights = np.full(columns, 2 / first.samples)
     weights[0] = 1 / first.samples

@@ -1,4 +1,4 @@
-"""What each fault does to orbit and spectrum, with the field on and off."""
+"""What each fault does to orbit and spectrum, with the field on and off, and at other speeds."""
 
 from __future__ import annotations
 
@@ -13,12 +13,16 @@ from hydrolab.show.readings import listed, microns
 from hydrolab.show.style import COLOURS, house_style, new_figure
 
 ORDERS = ("mean", "1X", "2X", "3X")
+RPM = 30 / math.pi  # from rad/s
 LEAST = 0.1  # µm; what is smaller is not drawn, and said to be nothing
 
 
 @house_style()
 def fault_picture(table: FaultTable) -> Picture:
-    """Orbits of each fault at the rated speed, with the field on and off, and their mean, 1X, 2X and 3X in bars."""
+    """Orbits of each fault at the rated speed, with the field on and off, and their mean, 1X, 2X and 3X in bars.
+
+    Marks beside the bars are the same at the table's other speeds, with the field on.
+    """
     count = len(table.faults)
     figure = new_figure(2.4 * max(count, 3), 7.2)
     upper, lower = figure.subfigures(2, 1, height_ratios=(1, 1.6))
@@ -56,12 +60,36 @@ def _bars(axes, table: FaultTable) -> None:
             axes.bar(places, shown, 0.9 * width, color=COLOURS[order] if fill else "none", alpha=0.75 if fill else 1.0,
                      edgecolor="none" if fill else COLOURS["axis"], linewidth=1.6,
                      label=f"{order}, field on" if fill else "field off" if i == len(ORDERS) - 1 else "")
+        for speed, mark in zip(other_speeds(table), "DsvP", strict=False):
+            heights = np.array([UM * sizes(table.row(fault, 1.0, speed))[i] for fault in table.faults])
+            shown = np.where(np.nan_to_num(heights) > LEAST, heights, np.nan)
+            axes.plot(places, shown, mark, color="white", markeredgecolor="black", markersize=8, linestyle="none",
+                      label=f"at {speed * RPM:.4g} rpm, field on" if i == len(ORDERS) - 1 else "")
     axes.set_yscale("log")
     axes.set_ylim(bottom=LEAST)
     axes.set_xticks(np.arange(len(table.faults)), table.faults)
     axes.set_ylabel("µm (0-to-peak)")
     axes.grid(visible=False, axis="x")
-    axes.legend(ncols=len(ORDERS) + 1, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    axes.legend(ncols=len(ORDERS) + 2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+
+
+def other_speeds(table: FaultTable) -> list[float]:
+    """The table's speeds but the machine's own, rad/s."""
+    speeds = dict.fromkeys(row.speed for row in table.rows)
+    return [speed for speed in speeds if not math.isclose(speed, table.machine.speed)]
+
+
+def _speed_words(table: FaultTable, solved: list[FaultRow]) -> str:
+    """How the 2X of each fault changes at the other speeds, field on; least and most."""
+    said = ""
+    for speed in other_speeds(table):
+        shares = {row.fault: there.size(2) / row.size(2) for row in solved
+                  if (there := table.row(row.fault, 1.0, speed)).orbit is not None and row.size(2) * UM > LEAST}
+        if shares:
+            least, most = min(shares, key=shares.get), max(shares, key=shares.get)
+            said += (f" At {speed * RPM:.4g} rpm with the field on 2X is {shares[least]:.2f} ({least}) to "
+                     f"{shares[most]:.2f} ({most}) times that at {table.machine.speed * RPM:.4g} rpm.")
+    return said
 
 
 def sizes(row: FaultRow) -> tuple[float, ...]:
@@ -70,7 +98,9 @@ def sizes(row: FaultRow) -> tuple[float, ...]:
 
 
 def fault_reading(table: FaultTable) -> str:
-    """What stands out in the table at the rated speed: largest 2X and 3X, flattest 1X, what is left without the field."""
+    """What stands out in the table: at the rated speed the largest 2X and 3X, the flattest 1X, what is left without the
+    field; and how 2X changes with the speed.
+    """
     on = [table.row(fault) for fault in table.faults]
     off = [row for fault in table.faults if (row := table.row(fault, 0.0)).orbit is not None]
     solved = [row for row in on if row.orbit is not None]
@@ -89,7 +119,8 @@ def fault_reading(table: FaultTable) -> str:
                + (", so switching it off does not tell the faults apart." if len(table.faults) > 1 else "."))
             + (f" Not stable: {listed(doubtful)}." if doubtful else "")
             + (f" No steady state was found with {listed(lost)}." if lost else "")
-            + (" 1X without the field is " + _span([row.size(1) for row in off]) + "." if off else ""))
+            + (" 1X without the field is " + _span([row.size(1) for row in off]) + "." if off else "")
+            + _speed_words(table, solved))
 
 
 def _span(values: list[float]) -> str:
