@@ -108,3 +108,20 @@ def test_a_small_slip_by_integration():
     beat = round(count * 2 * ratio)  # 2f = 2.1X
     assert found[beat] > 100 * np.median(found[2 * count:3 * count])
     assert found[beat] == found[beat - 1:beat + 2].max() and found[beat] > 0.01 * found[count]
+
+
+@pytest.mark.parametrize("law", ["tangential pull", "oval stator", "both"])
+def test_the_whole_machine_stays_on_its_orbit_in_time(law):
+    """Harmonic balance against DOP853 over a revolution, all degrees of freedom: a wrong law leaves the orbit at once."""
+    unit = load_machine("kaplan-150rpm")
+    if law != "oval stator":
+        unit = replace(unit, air_gap=replace(unit.air_gap, tangential=0.005))
+    if law != "tangential pull":
+        unit = replace(unit, shapes=(GapShape("oval", "stator", 2, 4e-4),))
+    orbit = HarmonicBalance(12).solve(unit.model(), unit.speed, 0.04)
+    plain = HarmonicBalance(12).solve(load_machine("kaplan-150rpm").model(), unit.speed, 0.04)
+    motion = integrate(unit.model(), RungeKutta(1e-9, 1e-12), speed=unit.speed, static_eccentricity=0.04, revolutions=1,
+                       start=orbit)
+    size = np.abs(orbit.coefficients).max()
+    assert np.abs(motion.coefficients(4) - orbit.coefficients[:, :9]).max() < 1e-6 * size
+    assert np.abs(plain.coefficients - orbit.coefficients).max() > 1e-3 * size
