@@ -11,6 +11,7 @@ from hydrolab.dynamics.full_balance import solve_full
 from hydrolab.dynamics.monodromy import multipliers
 from hydrolab.dynamics.splitting import split
 from hydrolab.machine.fault_parts import Crack, JournalFilm, PadBearing
+from hydrolab.machine.gap_parts import GapShape
 
 SPEED, OFFSET = rpm(150), 0.04
 UNIT = load_machine("kaplan-150rpm")
@@ -20,11 +21,13 @@ PADS = replace(UNIT, bearings=OTHERS, pad_bearings=(PadBearing("pads", GUIDE.nod
 FILM = replace(UNIT, bearings=OTHERS, films=(JournalFilm("film", GUIDE.node, 0.03, 0.4, 0.25, 1.5e-4),))
 THIN = replace(UNIT, films=(JournalFilm("film", GUIDE.node, 0.01, 0.4, 0.25, 4e-4),))  # beside the linear bearing
 CRACKED = replace(UNIT, cracks=(Crack("crack", 1, 0.2, phase=0.7, rounding_angle=3e-6),))
+SEVERAL = replace(PADS, cracks=CRACKED.cracks, shapes=(GapShape("oval", "stator", 2, 4e-4),))
 SLOT = replace(UNIT, cracks=(Crack("slot", 1, 0.2, phase=0.7, breathing="open"),))
 
 
-@pytest.mark.parametrize(("machine", "harmonics", "tolerance"), [(TILTED, 10, 1e-6), (PADS, 32, 2e-6), (CRACKED, 24, 2e-5)],
-                         ids=["tilted", "pads", "cracked"])
+@pytest.mark.parametrize(("machine", "harmonics", "tolerance"), [
+    (TILTED, 10, 1e-6), (PADS, 32, 2e-6), (CRACKED, 24, 2e-5), (THIN, 16, 1e-6), (SEVERAL, 24, 3e-5)],
+    ids=["tilted", "pads", "cracked", "film", "pads, crack and oval stator"])
 def test_an_orbit_is_kept_in_time(machine, harmonics, tolerance):
     model = machine.model()
     orbit = HarmonicBalance(harmonics).solve(model, SPEED, OFFSET)
@@ -108,8 +111,9 @@ def test_without_a_side_load_a_crack_of_a_vertical_machine_does_not_breathe():
 
 @pytest.mark.parametrize("machine", [replace(CRACKED, cracks=(Crack("crack", 1, 0.0),)),
                                      replace(UNIT, bearings=OTHERS, pad_bearings=(PadBearing(
-                                         "pads", GUIDE.node, 8, GUIDE.stiffness[0, 0] / 4, -0.01, rounding=1e-7),))],
-                         ids=["no depth", "preload"])
+                                         "pads", GUIDE.node, 8, GUIDE.stiffness[0, 0] / 4, -0.01, rounding=1e-7),)),
+                                     replace(THIN, films=(replace(THIN.films[0], viscosity=1e-9),))],
+                         ids=["no depth", "preload", "no viscosity"])
 def test_without_the_fault_the_orbit_is_the_plain_one(machine):
     plain = HarmonicBalance(6).solve(UNIT.model(), SPEED, OFFSET)
     orbit = HarmonicBalance(6).solve(machine.model(), SPEED, OFFSET)
