@@ -173,8 +173,9 @@ def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study")
     """
     console = Console(markup=False, highlight=False)  # a machine's name may have brackets
     machine: Machine = load_machine(card)
-    if family and machine.name != FAMILY_CARD:
-        raise BadInput(f"--family was given with {machine.name}; the family is one of the paper's machine, {FAMILY_CARD}.")
+    if family and str(card) != FAMILY_CARD:  # a copy may keep the name and change the numbers
+        raise BadInput(f"--family was given with {card}; the family is one of the paper's machine, the shipped card "
+                       f"{FAMILY_CARD}.")
     out.mkdir(parents=True, exist_ok=True)
     pictures, counts, cut = {}, None, ""
     with progress_bars(console) as tell:

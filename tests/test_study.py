@@ -243,6 +243,15 @@ def test_a_family_that_is_cut_short(tmp_path, capsys, study, monkeypatch):
     assert record["claims"][0]["family"] == {"plain": {"agree": 2, "of": 2}}
 
 
+def test_the_family_belongs_to_the_shipped_card_alone(tmp_path, capsys):
+    """A copy with other numbers under the old name is a machine of its own, whose family is not known."""
+    copy = tmp_path / "mine.toml"
+    copy.write_text(card_text("kaplan-150rpm").replace("field = {value = 0.5", "field = {value = 0.45"), encoding="utf-8")
+    assert main(["study", str(copy), "--family", "--out", str(tmp_path / "out")]) == 2
+    assert "mine.toml; the family is one of the paper's machine" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 def test_a_member_that_was_interrupted_has_no_verdict(monkeypatch):
     import hydrolab.family as family
     study = interrupted(8.8)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hydrolab.dynamics.condensation import Condensed, fourier_rows, from_complex, to_complex
 from hydrolab.dynamics.problems import Path
 from hydrolab.dynamics.trajectory import contact_sentence
-from hydrolab.errors import Contact
+from hydrolab.errors import BadInput, Contact
 from hydrolab.machine.model import Model
 
 PERIOD = 2 * np.pi * np.arange(360) / 360  # phases at which an orbit's smallest gap is looked for
@@ -223,7 +223,13 @@ class Branch:
         return tuple(p for p in self.special_points if p.kind == "fold")
 
     def at_fold(self, number: int = 0) -> PeriodicOrbit:
-        """The steady state at a fold (0 is the first)."""
+        """The steady state at a fold (0 is the first).
+
+        Raises BadInput where the branch has no such fold.
+        """
+        if not -len(self.folds) <= number < len(self.folds):
+            raise BadInput(f"number is {number}; this branch has {len(self.folds) or 'no'} fold"
+                           f"{'s' * (len(self.folds) != 1)}, counted from 0. {self.stopped}")
         fold = self.folds[number]
         problem = self.path.at(fold.value)
         eq = problem.equations

@@ -151,6 +151,13 @@ def test_folds_lie_where_the_branch_turns(branch):
         assert (away <= fold.value).all() if is_maximum else (away >= fold.value).all()
 
 
+def test_a_fold_that_is_not_there_is_a_sentence(branch, peer, speed):
+    with pytest.raises(BadInput, match="number is 3; this branch has 3 folds, counted from 0"):
+        branch.at_fold(3)
+    with pytest.raises(BadInput, match=r"has no folds, counted from 0\. It reached 1 % as asked"):
+        follow(peer, to=0.01, speed=speed).at_fold()
+
+
 def test_a_fold_is_printed_in_per_cent(branch):
     assert str(branch.folds[0]).startswith("fold at 10.3")
     assert "folds: 10.3" in str(branch)
