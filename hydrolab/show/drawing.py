@@ -14,6 +14,7 @@ from hydrolab.show.style import COLOURS
 
 REVOLUTION = np.linspace(0.0, 2 * np.pi, 721)
 MM, UM = 1e3, 1e6  # from metres
+RPM = math.pi / 30  # in rad/s
 
 
 def draw_orbit(axes: Axes, path: NDArray, colour: Any, *, label: str = "", width: float = 2.2, line: str = "-",

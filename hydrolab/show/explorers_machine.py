@@ -5,9 +5,10 @@ from __future__ import annotations
 from hydrolab.errors import BadInput
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
+from hydrolab.show.drawing import RPM
 from hydrolab.show.explorer import FigureExplorer, choice, slider, whole
 from hydrolab.show.machine_views import CAUSES, CalibrationView, DiagnosisView
-from hydrolab.show.model_views import MODES, MOST, RPM, CampbellView, ElementsView
+from hydrolab.show.model_views import MODES, MOST, CampbellView, ElementsView
 
 
 def elements_explorer(machine: Machine | None = None) -> FigureExplorer:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
+from hydrolab.show.drawing import RPM
 from hydrolab.show.explorer import FigureExplorer, choice, slider
-from hydrolab.show.rotor_views import RPM, SHAPES, GapShapeView, GapView, JeffcottView
+from hydrolab.show.rotor_views import SHAPES, GapShapeView, GapView, JeffcottView
 
 
 def jeffcott_explorer(machine: Machine | None = None) -> FigureExplorer:

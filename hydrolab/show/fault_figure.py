@@ -7,13 +7,12 @@ import math
 import numpy as np
 
 from hydrolab.faults import FaultRow, FaultTable
-from hydrolab.show.drawing import MM, REVOLUTION, UM, draw_arrow, draw_axis
+from hydrolab.show.drawing import MM, REVOLUTION, RPM, UM, draw_arrow, draw_axis
 from hydrolab.show.picture import Picture
 from hydrolab.show.readings import listed, microns
 from hydrolab.show.style import COLOURS, house_style, new_figure
 
 ORDERS = ("mean", "1X", "2X", "3X")
-RPM = 30 / math.pi  # from rad/s
 LEAST = 0.1  # µm; what is smaller is not drawn, and said to be nothing
 
 
@@ -64,7 +63,7 @@ def _bars(axes, table: FaultTable) -> None:
             heights = np.array([UM * sizes(table.row(fault, 1.0, speed))[i] for fault in table.faults])
             shown = np.where(np.nan_to_num(heights) > LEAST, heights, np.nan)
             axes.plot(places, shown, mark, color="white", markeredgecolor="black", markersize=8, linestyle="none",
-                      label=f"at {speed * RPM:.4g} rpm, field on" if i == len(ORDERS) - 1 else "")
+                      label=f"at {speed / RPM:.4g} rpm, field on" if i == len(ORDERS) - 1 else "")
     axes.set_yscale("log")
     axes.set_ylim(bottom=LEAST)
     axes.set_xticks(np.arange(len(table.faults)), table.faults)
@@ -87,8 +86,8 @@ def _speed_words(table: FaultTable, solved: list[FaultRow]) -> str:
                   if (there := table.row(row.fault, 1.0, speed)).orbit is not None and row.size(2) * UM > LEAST}
         if shares:
             least, most = min(shares, key=shares.get), max(shares, key=shares.get)
-            said += (f" At {speed * RPM:.4g} rpm with the field on 2X is {shares[least]:.2f} ({least}) to "
-                     f"{shares[most]:.2f} ({most}) times that at {table.machine.speed * RPM:.4g} rpm.")
+            said += (f" At {speed / RPM:.4g} rpm with the field on 2X is {shares[least]:.2f} ({least}) to "
+                     f"{shares[most]:.2f} ({most}) times that at {table.machine.speed / RPM:.4g} rpm.")
     return said
 
 

@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.modes import campbell, modes
 from hydrolab.machine.parts import Machine, RadialBearing, Shaft
+from hydrolab.show.drawing import RPM
 from hydrolab.show.kept_figure import KeptFigure
 from hydrolab.show.readings import listed
 from hydrolab.show.style import COLOURS, house_style, new_figure
@@ -19,7 +20,6 @@ from hydrolab.show.style import COLOURS, house_style, new_figure
 MODES = 4
 MOST = 16  # elements
 COLOUR = (COLOURS["x"], COLOURS["z"], COLOURS["2X"], COLOURS["3X"])
-RPM = math.pi / 30
 
 
 class ElementsView:

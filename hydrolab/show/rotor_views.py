@@ -9,11 +9,10 @@ import numpy as np
 from hydrolab.errors import BadInput
 from hydrolab.machine.forces import CircularPull, ShapedPull
 from hydrolab.machine.parts import Machine
-from hydrolab.show.drawing import MM, REVOLUTION
+from hydrolab.show.drawing import MM, REVOLUTION, RPM
 from hydrolab.show.kept_figure import KeptFigure
 from hydrolab.show.style import COLOURS, house_style, new_figure
 
-RPM = math.pi / 30
 DRAWN_GAP = 1 / 3  # of the rotor's radius, for the eye
 SHAPES = {"oval": 2, "three-lobed": 3, "four-lobed": 4}
 SAMPLES = 360  # angles around a shaped gap

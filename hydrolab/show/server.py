@@ -58,7 +58,7 @@ def open_server(host: str = "127.0.0.1", port: int | None = None, *, room: bool 
         if port and server.get_port() != port:  # taken in between, and viser went on to the next
             with quiet_rich():
                 server.stop()
-            raise BadInput(f"Port {port} is taken; leave port out or try {min(port + 1, 65535)}.")
+            raise BadInput(in_words(errno.EADDRINUSE, host, port))
         atexit.unregister(close_server)
         atexit.register(close_server)  # after viser's own, so that it runs before it
         gate = Gate(server, viewers)

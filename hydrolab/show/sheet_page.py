@@ -18,7 +18,7 @@ from hydrolab.show.scene import MachineScene
 from hydrolab.show.scene_around import fitted
 from hydrolab.show.server import close_server, open_server
 
-ASPECT = 1.0  # width over height of the scene beside the words
+FRAME = 1.0  # width over height of the scene beside the words
 DATA = re.compile(r'<script>window\.__VISER_EMBED_DATA__="([A-Za-z0-9+/=]*)";.*?</script>', re.DOTALL)
 
 
@@ -58,7 +58,7 @@ def record_sheet(sheet: RunSheet, path: Path, turns: int = 3, *, progress: Calla
             for done, step in enumerate(sheet.steps, 1):
                 scene.change(**step.settings)
                 camera = server.initial_camera
-                camera.position, camera.look_at = fitted(scene.views[step.camera], ASPECT)
+                camera.position, camera.look_at = fitted(scene.views[step.camera], FRAME)
                 part = record_scene(scene, Path(folder) / "step.html", turns)
                 recordings.append(part.read_text(encoding="utf-8"))
                 if progress:

@@ -26,10 +26,8 @@ from websockets.exceptions import ConnectionClosed
 from hydrolab import load_machine
 from hydrolab.show.scene import MachineScene
 from hydrolab.show.server import close_server, open_server
+from tests.show.conftest import CAMERA
 
-CAMERA = msgspec.msgpack.encode({
-    "type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [3.0, 3.0, 3.0], "fov": 1.0, "near": 0.1,
-    "far": 100.0, "image_height": 480, "image_width": 640, "look_at": [0.0, 0.0, 0.0], "up_direction": [0.0, 0.0, 1.0]})
 OPTIONS = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "compression": None, "ping_interval": None}
 
 
@@ -45,7 +43,7 @@ async def watch(address: str, until: float, counts: bool) -> float:
     """Read until a time; return poses a second where they are counted."""
     poses, start = 0, None
     async with connect(address, **OPTIONS) as socket:
-        await socket.send(CAMERA)
+        await socket.send(msgspec.msgpack.encode(CAMERA))
         while time.time() < until:
             try:
                 data = await asyncio.wait_for(socket.recv(), 2.0)
@@ -67,7 +65,7 @@ async def come_and_go(address: str, until: float, deaf: bool) -> None:
         with contextlib.suppress(OSError, ConnectionClosed):  # a TimeoutError is one of them
             if deaf:
                 async with connect(address, **OPTIONS) as socket:
-                    await socket.send(CAMERA)
+                    await socket.send(msgspec.msgpack.encode(CAMERA))
                     await asyncio.sleep(max(0.0, stay - time.time()))
             else:
                 await watch(address, stay, False)

@@ -1,6 +1,6 @@
-"""How long a key press on a slider takes to a new picture, in JupyterLab in Chromium. Run this file; it is no test.
+"""How long a key press on a slider takes to a new picture, in JupyterLab in Chromium. It is no test.
 
-    python tests/benchmarks/slider_latency.py [presses]
+    python -m tests.benchmarks.slider_latency [presses]
 
 Two sliders in one notebook, pressed in turns: `eccentricity_explorer`, and the plain pattern, `interactive_output` over
 a function that calls the same view and displays its figure inline. A press is timed in the page, from its keydown event
@@ -9,20 +9,16 @@ to the first frame after the new picture has been painted or loaded. On a busy c
 
 import json
 import os
-import re
-import shutil
 import statistics
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 from playwright.sync_api import Page, sync_playwright
 
-BROWSER = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
-ROOT = str(Path(__file__).resolve().parents[2])
-TOKEN = "only-for-this-measurement"
+from tests.chromium import BROWSER, keep
+from tests.jupyter_process import TOKEN, jupyter_process
+
 FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--no-proxy-server"]
 CELLS = ['''from hydrolab import load_machine
 from hydrolab.show.explorers import eccentricity_explorer
@@ -71,27 +67,12 @@ WATCH = """(cell) => {
 }"""
 
 
-def start_lab(folder: Path) -> tuple[subprocess.Popen, str]:
-    """JupyterLab over a folder that holds the notebook, and its address."""
+def write_notebook(path: Path) -> None:
+    """The notebook with both sliders."""
     cells = [{"cell_type": "code", "id": f"cell-{i}", "source": source, "metadata": {}, "outputs": [],
               "execution_count": None} for i, source in enumerate(CELLS)]
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
-    notebook = {"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}
-    (folder / "latency.ipynb").write_text(json.dumps(notebook))
-    own = {f"JUPYTER_{what}_DIR": str(folder / what.lower()) for what in ("CONFIG", "DATA", "RUNTIME")}
-    own |= {"JUPYTERLAB_SETTINGS_DIR": str(folder / "settings"), "IPYTHONDIR": str(folder / "ipython"),
-            "JUPYTERLAB_WORKSPACES_DIR": str(folder / "spaces"), "JUPYTER_TOKEN": TOKEN,
-            "PYTHONPATH": os.pathsep.join(filter(None, [ROOT, os.environ.get("PYTHONPATH")]))}
-    log = folder / "lab.log"
-    options = ["--no-browser", "--ip=127.0.0.1", "--allow-root", "--LabApp.expose_app_in_browser=True"]
-    with log.open("w") as sink:
-        server = subprocess.Popen([sys.executable, "-m", "jupyterlab", *options], cwd=folder, env=os.environ | own,
-                                  stdout=sink, stderr=subprocess.STDOUT)
-    while not (found := re.search(r"http://127\.0\.0\.1:\d+", log.read_text())):
-        if server.poll() is not None:
-            raise SystemExit(f"JupyterLab did not start:\n{log.read_text()}")
-        time.sleep(0.2)
-    return server, f"{found[0]}/lab/tree/latency.ipynb?token={TOKEN}"
+    path.write_text(json.dumps({"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}))
 
 
 def press(page: Page, cell: int, key: str) -> float:
@@ -107,31 +88,28 @@ def press(page: Page, cell: int, key: str) -> float:
 
 def main(presses: int = 60) -> None:
     """Measure and print."""
-    with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
-        server, address = start_lab(Path(name))
-        try:
-            browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
-            page = browser.new_page(viewport={"width": 1400, "height": 1700})
-            page.set_default_timeout(90_000)
-            page.add_init_script(PAINTED)
-            page.goto(address)
-            page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
-            kernel = "window.jupyterapp.shell.currentWidget.sessionContext?.session?.kernel"
-            page.wait_for_function(f"{kernel}?.status === 'idle'")
-            page.evaluate("window.jupyterapp.commands.execute('notebook:run-all-cells')")
-            page.wait_for_timeout(1500)
-            times: tuple[list[float], list[float]] = [], []
-            for i in range(presses + 5):
-                for cell in (0, 1):
-                    taken = press(page, cell, "ArrowRight" if i % 40 < 20 else "ArrowLeft")
-                    if i >= 5:  # the first ones warm up
-                        times[cell].append(taken)
-            if os.environ.get("HYDROLAB_SCREENSHOT"):
-                page.screenshot(path=os.environ["HYDROLAB_SCREENSHOT"])
-            browser.close()
-        finally:
-            server.terminate()
-            server.wait(30)
+    options = ["--no-browser", "--ip=127.0.0.1", "--allow-root", "--LabApp.expose_app_in_browser=True"]
+    with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright, jupyter_process(
+            [sys.executable, "-m", "jupyterlab", *options], Path(name), r"http://127\.0\.0\.1:\d+/lab\S*") as address:
+        write_notebook(Path(name, "latency.ipynb"))
+        browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
+        page = browser.new_page(viewport={"width": 1400, "height": 1700})
+        page.set_default_timeout(90_000)
+        page.add_init_script(PAINTED)
+        page.goto(f"{address.split('/lab')[0]}/lab/tree/latency.ipynb?token={TOKEN}")
+        page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
+        kernel = "window.jupyterapp.shell.currentWidget.sessionContext?.session?.kernel"
+        page.wait_for_function(f"{kernel}?.status === 'idle'")
+        page.evaluate("window.jupyterapp.commands.execute('notebook:run-all-cells')")
+        page.wait_for_timeout(1500)
+        times: tuple[list[float], list[float]] = [], []
+        for i in range(presses + 5):
+            for cell in (0, 1):
+                taken = press(page, cell, "ArrowRight" if i % 40 < 20 else "ArrowLeft")
+                if i >= 5:  # the first ones warm up
+                    times[cell].append(taken)
+        keep(page, "slider-latency")
+        browser.close()
     medians = []
     for name, found in zip(("eccentricity_explorer", "interactive_output"), times, strict=True):
         medians.append(statistics.median(found))

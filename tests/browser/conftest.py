@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import re
-import shutil
 import sys
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
 import pytest
 
+from tests.chromium import BROWSER
 from tests.jupyter_process import TOKEN, jupyter_process
 
-BROWSER = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
 FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-sync",
          "--disable-component-update", "--no-proxy-server", "--use-gl=angle", "--use-angle=swiftshader",
          "--enable-unsafe-swiftshader"]

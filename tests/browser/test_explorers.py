@@ -2,13 +2,13 @@
 
 import json
 import re
-from pathlib import Path
 
 import pytest
 
+from tests.chromium import keep, wait_for_bones
+
 expect = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]").expect
 
-PICTURES = Path(__file__).resolve().parents[2] / "build" / "pictures"
 CHAPTER = "10-static-eccentricity.ipynb"
 COUNTED = """
 explorer, asked = next(w for w in __import__('ipywidgets').Widget.widgets.values()
@@ -32,20 +32,8 @@ scene.stop()
 scene.draw(1.0)
 print(json.dumps(positions(scene.where, scene.where.motion(1.0), scene.factor)[:scene.where.nodes].tolist()))
 """
-BONES_ARE = """wanted => {
-  const found = [];
-  window.__viserMutable?.nodeRefFromName?.['/shaft']?.traverse(node => node.type === 'Bone' && found.push(node.position));
-  return found.length === wanted.length && wanted.every((place, i) => place.every(
-    (value, k) => Math.abs(value - found[i].getComponent(k)) < 1e-5));
-}"""
 
 pytestmark = pytest.mark.browser
-
-
-def keep(page, name: str) -> None:
-    """Keep what the page shows, to be looked at."""
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=PICTURES / f"{name}.png")
 
 
 def test_the_explorer_of_chapter_10(visit):
@@ -131,7 +119,7 @@ def test_the_explorer_of_chapter_10(visit):
     view = visit.show_cell("show(there[-1])").locator("iframe").element_handle().content_frame()
     bones = json.loads(visit.run(FROZEN))
     assert len(bones) == 13 and max(abs(x) for x, _, _ in bones) > 0.05
-    view.wait_for_function(BONES_ARE, arg=bones)
+    wait_for_bones(view, bones)
     keep(page, "machine-in-a-cell")
     assert not visit.strangers, f"requests that leave this computer: {visit.strangers}"
     assert not visit.mistakes, visit.mistakes

@@ -2,22 +2,20 @@
 
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
+from tests.chromium import BROWSER, keep
+
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]")
 
-BROWSER = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
 FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-sync",
          "--disable-component-update", "--no-proxy-server", "--use-gl=angle", "--use-angle=swiftshader",
          "--enable-unsafe-swiftshader", "--disable-renderer-backgrounding", "--disable-backgrounding-occluded-windows"]
-PICTURES = Path(__file__).resolve().parents[2] / "build" / "pictures"
 PATIENCE = 90_000  # ms; a browser without a graphics card draws slowly
 STATOR = "window.__viserMutable?.nodeRefFromName?.['/stator']?.position.x"
 LABEL = "static eccentricity, %"
@@ -69,7 +67,6 @@ def same_place(*pages):
 
 def test_the_presenter_moves_the_machine_and_the_room_watches(hall):
     address, pin = hall
-    PICTURES.mkdir(parents=True, exist_ok=True)
     with playwright_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
         mistakes, strangers, pages = [], [], []
@@ -104,8 +101,8 @@ def test_the_presenter_moves_the_machine_and_the_room_watches(hall):
         presenter.bring_to_front()
         presenter.wait_for_function(f"{STATOR} > 1e-2")
         same_place(presenter, watcher)
-        watcher.screenshot(path=PICTURES / "room-watcher.png")
-        presenter.screenshot(path=PICTURES / "room-presenter.png")
+        keep(watcher, "room-watcher")
+        keep(presenter, "room-presenter")
         assert watcher.get_by_text(LABEL).count() == 0
         assert watcher.get_by_text("next", exact=True).count() == 0
 

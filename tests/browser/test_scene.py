@@ -1,7 +1,5 @@
 """The 3D machine in a real browser: its bones are numpy's, it follows the settings, and a recording plays from disk."""
 
-import shutil
-from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -11,21 +9,14 @@ from hydrolab import load_machine
 from hydrolab.show.poses import positions
 from hydrolab.show.recording import record_scene
 from hydrolab.show.scene import MachineScene
+from tests.chromium import BONES, BROWSER, keep, wait_for_bones
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]")
 viser = pytest.importorskip("viser", reason="viser is in the project's own dependencies")
 
-BROWSER = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
          "--ignore-gpu-blocklist", "--disable-background-networking", "--no-first-run", "--no-proxy-server"]
 SIZE = {"width": 640, "height": 360}
-PICTURES = Path(__file__).resolve().parents[2] / "build" / "pictures"
-BONES = """() => {
-  const shaft = window.__viserMutable?.nodeRefFromName?.['/shaft'];
-  const found = [];
-  shaft?.traverse(node => { if (node.type === 'Bone') found.push(node.position.toArray()); });
-  return found;
-}"""
 
 pytestmark = [
     pytest.mark.browser,
@@ -63,21 +54,9 @@ def open_page(context, address):
 
 
 def expected(scene, phase):
-    """Bone positions by numpy, (13, 3)."""
+    """Bone positions by numpy, 13 times (x, y, z)."""
     where = scene.where
-    return positions(where, where.motion(phase), scene.factor)[:where.nodes]
-
-
-def wait_for_bones(page, wanted):
-    page.wait_for_function(
-        f"wanted => {{ const found = ({BONES})(); return wanted.every((p, i) => p.every((v, k) => "
-        "Math.abs(v - found[i][k]) < 1e-5)); }", arg=wanted.tolist())
-
-
-def picture(page, name):
-    """Keep what the page shows, to be looked at."""
-    PICTURES.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=PICTURES / f"{name}.png")
+    return positions(where, where.motion(phase), scene.factor)[:where.nodes].tolist()
 
 
 def test_bones_in_the_browser_are_numpys(browser, scene):
@@ -87,7 +66,7 @@ def test_bones_in_the_browser_are_numpys(browser, scene):
         scene.draw(phase)
         wait_for_bones(page, expected(scene, phase))
     before = np.array(page.evaluate(BONES))
-    picture(page, "machine-3d")
+    keep(page, "machine-3d")
     scene.change(static_eccentricity=0.02, leg=0)
     scene.draw(2.5)
     wait_for_bones(page, expected(scene, 2.5))
@@ -96,7 +75,7 @@ def test_bones_in_the_browser_are_numpys(browser, scene):
     scene.change(dark=True)
     page.wait_for_function("document.documentElement.getAttribute('data-mantine-color-scheme') === 'dark'"
                            " || document.querySelector('[data-mantine-color-scheme=dark]')")
-    picture(page, "machine-3d-dark")
+    keep(page, "machine-3d-dark")
     scene.change(dark=False)
     context.close()
     assert not strangers and not mistakes
@@ -115,6 +94,6 @@ def test_a_recording_plays_from_disk_without_a_network(browser, scene, tmp_path)
     assert away.max(axis=0).min() < 5e-3  # all bones are on the orbit, at one and the same phase
     page.keyboard.press(" ")  # pause; a page that plays leaves a software renderer no time for a picture
     page.wait_for_timeout(1000)
-    picture(page, "recording")
+    keep(page, "recording")
     context.close()
     assert not strangers and not mistakes

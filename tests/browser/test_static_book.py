@@ -14,12 +14,12 @@ import pytest
 
 from hydrolab.course import pages
 from hydrolab.course.static_book import NEEDED
+from tests.chromium import BROWSER
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]")
 
 BOOK = Path(__file__).resolve().parents[2] / "book"
 CHAPTERS = list(pages.chapters(BOOK))
-BROWSER = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
 FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
          "--disable-component-update", "--disable-sync"]
 MISSING = [name for name in NEEDED if find_spec(name) is None] + (
