@@ -19,7 +19,6 @@ WHENCE = {"paper": "stand in the paper's text", "Table 1": "in its Table 1", "ca
           "assumed": "assumed", "derived": "derived"}
 LETTERS = {"young": "E", "density": "ρ", "poisson": "ν", "shear_coefficient": "shear coefficient κ"}
 SIDE = 4.6  # m, from the axis to the columns of words
-RUNNER = (1.3, 0.8)  # half width and height of the box drawn for a body whose size nobody states, m
 LEFT, RIGHT = COLOURS["x"], COLOURS["z"]
 
 

@@ -106,7 +106,7 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float | 
     if not isinstance(method, Arclength):
         raise BadInput(f"method is a {type(method).__name__}; it must be an Arclength, which takes a HarmonicBalance.")
     if start is not None:
-        static_eccentricity, direction = start.static_eccentricity, _direction(start, direction)
+        static_eccentricity, direction = start.static_eccentricity, _direction_of(start, direction)
     along = path(model, parameter, method.balance, speed, static_eccentricity, direction)
     if to is None and parameter != "static_eccentricity":
         raise BadInput(f"to is missing; say up to which value {parameter} is to be followed, from {along.say(along.first)}.")
@@ -123,7 +123,7 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float | 
     return _walk(along, origin, to, method)
 
 
-def _direction(start: PeriodicOrbit, direction: float) -> float:
+def _direction_of(start: PeriodicOrbit, direction: float) -> float:
     """Gap angle of the stator's offset of an orbit; the given one where it has none."""
     return math.atan2(*(start.centre / start.static_eccentricity)) if start.static_eccentricity else direction
 
