@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from hydrolab import __version__
-from hydrolab.course.api_page import api_page
 from hydrolab.course.pages import (
     SCENES,
+    api_page,
     bibliography_page,
     chapter_page,
     contents,

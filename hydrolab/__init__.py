@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import math
 
-from hydrolab.dynamics.basins import basins
-from hydrolab.dynamics.continuation import Arclength, follow, orbits_at, sweep
+from hydrolab.dynamics.batch import update_branch
+from hydrolab.dynamics.branches import Arclength, follow, orbits_at, sweep
+from hydrolab.dynamics.ensemble import basins, poincare, sweep_in_time
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
-from hydrolab.dynamics.hysteresis import poincare, sweep_in_time
-from hydrolab.dynamics.integrators import integrate
+from hydrolab.dynamics.harmonics import ellipse, self_crossings
+from hydrolab.dynamics.integrate import CentralDifference, Newmark, RungeKutta, integrate
+from hydrolab.dynamics.maps import steady_map
 from hydrolab.dynamics.modes import campbell, modes
-from hydrolab.dynamics.orbit_shape import ellipse, self_crossings
 from hydrolab.dynamics.reduction import reduce, truncation_error
 from hydrolab.dynamics.solvers import newton, powell_dog_leg
 from hydrolab.dynamics.stability import branch_stability, floquet, stable_orbits_at
-from hydrolab.dynamics.time_methods import CentralDifference, Newmark, RungeKutta
-from hydrolab.dynamics.update import update_branch
 from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.machine.cards import card_names, card_text, load_machine
-from hydrolab.machine.forces import CircularPull, LinearPull, ShapedPull
-from hydrolab.machine.vary import vary
-from hydrolab.maps import steady_map
+from hydrolab.machine.cards import card_names, card_text, load_machine, vary
+from hydrolab.machine.pull import CircularPull, LinearPull, ShapedPull
 
 __version__ = "0.1.0"
 __all__ = [

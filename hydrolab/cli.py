@@ -153,7 +153,7 @@ def lab(options: argparse.Namespace) -> int:
 
 def study(options: argparse.Namespace) -> int:
     """Repeat the paper's study on a machine card."""
-    from hydrolab.report import study_command
+    from hydrolab.paper.report import study_command
 
     return study_command(options.card, out=options.out, family=options.family, figures=not options.no_figures)
 
@@ -176,7 +176,7 @@ def book(options: argparse.Namespace) -> int:
 def show(options: argparse.Namespace) -> int:
     """Show a machine in 3D in the browser, on this computer alone. With --room everyone in the network can watch, and who
     gives the PIN can change things."""
-    from hydrolab.show.command import find_run_sheet, show_command
+    from hydrolab.live.command import find_run_sheet, show_command
 
     sheet = find_run_sheet(options.run_sheet, find_book() / "instructor") if options.run_sheet else None
     return show_command(options.card, room=options.room, host=options.host, port=options.port, viewers=options.viewers,

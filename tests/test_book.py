@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from hydrolab.course import notebooks
-from hydrolab.show.flipbook import MIME as FLIPBOOK
+from hydrolab.explorers.widget import MIME as FLIPBOOK
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
 CHAPTERS = {path.stem: path for path in sorted(BOOK.glob("*.ipynb"))}
@@ -23,14 +23,14 @@ LARGEST = 700_000  # bytes of a stored notebook
 # The chapter that explains a name of the library. `HarmonicBalance`, `follow`, `modes` and `ellipse` serve before
 # theirs, as tools that the text announces as such.
 EXPLAINED = {
-    3: ["integrate", "CentralDifference", "Newmark", "RungeKutta", "hydrolab.dynamics.integrators"],
+    3: ["integrate", "CentralDifference", "Newmark", "RungeKutta", "hydrolab.dynamics.integrate"],
     4: ["newton", "powell_dog_leg", "hydrolab.dynamics.solvers"],
     5: ["Arclength", "floquet", "branch_stability", "stable_orbits_at", "hydrolab.dynamics.stability"],
     6: ["hydrolab.machine.elements"],
-    7: ["campbell", "hydrolab.machine.damping"],
-    8: ["hydrolab.calibration", "hydrolab.family"],
-    9: ["run_study", "judge", "hydrolab.study", "hydrolab.claims"],
-    10: ["basins", "sweep_in_time", "poincare", "hydrolab.dynamics.basins", "hydrolab.dynamics.hysteresis"],
+    7: ["campbell", "hydrolab.machine.model"],
+    8: ["hydrolab.paper.calibration", "hydrolab.paper.calibration"],
+    9: ["run_study", "judge", "hydrolab.paper.study", "hydrolab.paper.claims"],
+    10: ["basins", "sweep_in_time", "poincare", "hydrolab.dynamics.ensemble.basins"],
 }
 TAGS = {"raises-exception", "nbval-ignore-output"}
 # Written so that this file does not hold what it looks for.

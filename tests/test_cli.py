@@ -30,11 +30,11 @@ def book(tmp_path):
 
 @pytest.fixture
 def study(monkeypatch):
-    """Stand in for hydrolab.report; the returned list keeps what it was called with."""
+    """Stand in for hydrolab.paper.report; the returned list keeps what it was called with."""
     calls = []
-    module = types.ModuleType("hydrolab.report")
+    module = types.ModuleType("hydrolab.paper.report")
     module.study_command = lambda *positional, **named: calls.append((positional, named)) or 0
-    monkeypatch.setitem(sys.modules, "hydrolab.report", module)
+    monkeypatch.setitem(sys.modules, "hydrolab.paper.report", module)
     return calls
 
 
@@ -170,13 +170,13 @@ def test_failures_are_sentences(study, monkeypatch, capsys, error, code, part):
     def fail(*positional, **named):
         raise error
 
-    monkeypatch.setattr(sys.modules["hydrolab.report"], "study_command", fail)
+    monkeypatch.setattr(sys.modules["hydrolab.paper.report"], "study_command", fail)
     assert cli.main(["study"]) == code
     assert_one_sentence(capsys, part)
 
 
 def test_a_mistake_of_the_library_keeps_its_traceback(study, monkeypatch):
-    monkeypatch.setattr(sys.modules["hydrolab.report"], "study_command", lambda *a, **k: 1 / 0)
+    monkeypatch.setattr(sys.modules["hydrolab.paper.report"], "study_command", lambda *a, **k: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         cli.main(["study"])
 
@@ -233,9 +233,9 @@ def test_lab_starts_and_ctrl_c_ends_it(book, tmp_path):
 
 @pytest.mark.skipif(os.name == "nt", reason="needs a POSIX pipe")
 def test_a_closed_pipe_is_no_traceback(tmp_path):
-    code = ("import sys, types; m = types.ModuleType('hydrolab.report'); "
+    code = ("import sys, types; m = types.ModuleType('hydrolab.paper.report'); "
             "m.study_command = lambda *a, **k: [print('x' * 1000, flush=True) for _ in range(1000)] and 0; "
-            "sys.modules['hydrolab.report'] = m; from hydrolab.cli import main; sys.exit(main(['study']))")
+            "sys.modules['hydrolab.paper.report'] = m; from hydrolab.cli import main; sys.exit(main(['study']))")
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     process.stdout.readline()
     process.stdout.close()

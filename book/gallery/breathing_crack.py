@@ -13,8 +13,8 @@ import numpy as np
 
 from hydrolab import Arclength, HarmonicBalance, follow, load_machine, rpm
 from hydrolab.dynamics.equilibrium import equilibrium
-from hydrolab.dynamics.orbit_shape import ellipse
-from hydrolab.machine.fault_parts import Crack
+from hydrolab.dynamics.harmonics import ellipse
+from hydrolab.machine.bearings import Crack
 
 OFFSET = 0.02
 unit = load_machine("kaplan-150rpm")

@@ -9,7 +9,7 @@ import numpy as np
 
 from hydrolab import load_machine
 from hydrolab.dynamics.practice import DesignNumbers, compare, practice_errors
-from hydrolab.show.practice_figure import practice_map
+from hydrolab.figures.practice_figure import practice_map
 
 unit = load_machine("kaplan-150rpm")
 model, speed = unit.model(), unit.speed

@@ -12,11 +12,10 @@ import math
 import numpy as np
 
 from hydrolab import HarmonicBalance, Newmark, integrate
-from hydrolab.machine.field_wave import FieldWave, Wave
-from hydrolab.machine.forces import CircularPull
-from hydrolab.machine.gap_parts import Poles
+from hydrolab.machine.gap_shape import Poles
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
 from hydrolab.machine.pole_pairs import series_force, truncated_size, whole_size
+from hydrolab.machine.pull import CircularPull, FieldWave, Wave
 
 SPEED, STEPS, RATIO = 150.0, 256, 1.25  # rad/s, steps of Newmark in a revolution, f over the rotation
 LINES = (2, 4, 6, 3, 5, 7)  # 1X, 2X, 3X, 2f − X, 2f, 2f + X as multiples of half the rotation

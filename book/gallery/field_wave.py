@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from hydrolab import HarmonicBalance, Newmark, RungeKutta, integrate, load_machine
-from hydrolab.machine.gap_parts import Poles
+from hydrolab.machine.gap_shape import Poles
 
 OFFSET = 0.1
 unit = load_machine("two-pole")

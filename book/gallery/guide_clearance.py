@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from hydrolab import HarmonicBalance, floquet, load_machine, rpm
-from hydrolab.dynamics.orbit_shape import ellipse
-from hydrolab.machine.fault_parts import PadBearing
+from hydrolab.dynamics.harmonics import ellipse
+from hydrolab.machine.bearings import PadBearing
 
 unit = load_machine("kaplan-150rpm")
 guide, SPEED = unit.bearings[0], rpm(150)

@@ -13,8 +13,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from hydrolab import HarmonicBalance, floquet, load_machine, rpm
-from hydrolab.machine.fault_parts import JournalFilm
-from hydrolab.machine.film import ShortFilm
+from hydrolab.machine.bearings import JournalFilm, ShortFilm
 
 film = ShortFilm(damping=1.0, clearance=1.0)  # in its own units: only shapes matter here
 

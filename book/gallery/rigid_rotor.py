@@ -13,8 +13,8 @@ import numpy as np
 
 from hydrolab import follow, load_machine, rpm, vary
 from hydrolab.dynamics.equilibrium import equilibrium, largest_offset
+from hydrolab.figures.style import house_style, new_figure
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RayleighDamping, RigidBody, Shaft
-from hydrolab.show.style import house_style, new_figure
 
 SPEED, LENGTH, HEIGHT = rpm(125), 6.0, 1.6
 

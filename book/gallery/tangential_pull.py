@@ -14,7 +14,7 @@ from scipy.optimize import brentq
 from hydrolab import HarmonicBalance, ellipse, load_machine, modes
 from hydrolab.dynamics.parametric import centred_growth
 from hydrolab.dynamics.stability import floquet
-from hydrolab.machine.tangential import tangential_limit
+from hydrolab.machine.pull import tangential_limit
 
 BALANCE = HarmonicBalance(4)
 

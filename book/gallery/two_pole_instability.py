@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 
 from hydrolab import HarmonicBalance, load_machine
 from hydrolab.dynamics.parametric import centred_growth, stability_chart, two_pole_band
-from hydrolab.machine.gap_parts import Poles
+from hydrolab.figures.practice_figure import stability_map
+from hydrolab.machine.gap_shape import Poles
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
-from hydrolab.show.practice_figure import stability_map
 
 RPM = 30 / math.pi
 air = AirGap("rotor", 0.5, 0.25, 1.0, 0.005)

@@ -8,8 +8,8 @@ is to switch the excitation off.
 """
 
 from hydrolab import load_machine, rpm
-from hydrolab.faults import fault_table
-from hydrolab.show.fault_figure import fault_picture
+from hydrolab.figures.fault_figure import fault_picture
+from hydrolab.paper.faults import fault_table
 
 unit = load_machine("kaplan-150rpm")
 table = fault_table(unit, speeds=(rpm(150), rpm(120)))

@@ -10,9 +10,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from hydrolab.explorers.eccentricity_view import EccentricityView
+from hydrolab.figures.picture import Picture
 from hydrolab.machine.cards import load_machine
-from hydrolab.show.eccentricity_view import EccentricityView
-from hydrolab.show.picture import Picture
 
 ECCENTRICITY = 8.8  # %
 FILE = Path("book") / "images" / "eccentricity.png"

@@ -16,15 +16,13 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.condensation import fourier_rows
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
-from hydrolab.dynamics.orbit_shape import ellipse
+from hydrolab.dynamics.harmonics import ellipse, fourier_rows
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
-from hydrolab.machine.cards import load_machine
-from hydrolab.machine.forces import ShapedPull
+from hydrolab.machine.cards import load_machine, vary
 from hydrolab.machine.parts import Machine
-from hydrolab.machine.vary import vary
+from hydrolab.machine.pull import ShapedPull
 
 ECCENTRICITY, UNBALANCE, OVALITY, SOFT = FAULTS = ("static eccentricity", "unbalance", "gap ovality", "soft bearing")
 SIZES: Mapping[str, tuple[float, float]] = {  # fraction of the gap, factor, fraction of the gap, factor

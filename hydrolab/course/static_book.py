@@ -13,8 +13,8 @@ from pathlib import Path
 
 from hydrolab.course.pages import SCENES, scene_name
 from hydrolab.errors import BadInput
+from hydrolab.live.recording import record_machine
 from hydrolab.machine.cards import load_machine
-from hydrolab.show.recording import record_machine
 
 MATHJAX = ("mathjax@3.2.2", "package/es5/tex-svg.js")  # one file of 2 MB that needs no other
 NEEDED = ("sphinx", "myst_nb", "sphinx_book_theme")

@@ -1,224 +1,121 @@
-"""Branches of steady states, followed past their folds along any parameter of a model."""
+"""Pseudo-arclength continuation of any smooth curve of solutions, past its folds.
+
+It knows only a system (y, λ) → (residual, ∂/∂y, ∂/∂λ), so it follows a circle as readily as a rotor.
+After Keller (1977) and Seydel (2010).
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dgesv
+from scipy.optimize import brentq
 
-from hydrolab.dynamics.arclength import Step, arclength, correct, land, locate_fold
-from hydrolab.dynamics.harmonic_balance import HarmonicBalance
-from hydrolab.dynamics.parameters import path
-from hydrolab.dynamics.problems import Path
-from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
-from hydrolab.dynamics.solvers import newton
-from hydrolab.errors import BadInput, NoConvergence
-from hydrolab.machine.checks import number, whole
-from hydrolab.machine.forces import CircularPull
-from hydrolab.machine.model import Model
+from hydrolab.errors import NoConvergence
 
-__all__ = ["Arclength", "Step", "arclength", "correct", "follow", "locate_fold", "orbits_at", "sweep"]
-CLOSED = 1e-3  # a branch that comes this near its first point, in the scaled norm along the way, is closed
+ParametrisedSystem = Callable[[NDArray, float], tuple[NDArray, NDArray, NDArray]]
 
 
 @dataclass(frozen=True)
-class Arclength:
-    """How a branch is followed: harmonic balance, step sizes (scaled by the gap), and when to stop.
+class Step:
+    """One point of a curve: unknowns, parameter, unit tangent in (y, λ), residual (an upper bound), iterations."""
 
-    max_folds: stop after this many folds and a tail of `tail` points. smallest_gap: stop when less than this
-    fraction of the nominal gap is left. past_start: go on past the start value, to find a branch that closes.
+    y: NDArray
+    parameter: float
+    tangent: NDArray
+    residual: float
+    iterations: int
+
+
+def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance: float = 1e-10,
+            max_steps: int = 8) -> Step | None:
+    """Return to the curve within the plane through z normal to the tangent; None if Newton does not settle.
+
+    One bordered solve with two right-hand sides gives the Newton step and the tangent at the same time; the new
+    tangent points the way of the old one.
     """
+    n = len(z) - 1
+    bordered = np.empty((n + 1, n + 1), order="F")
+    bordered[n] = tangent
+    right = np.zeros((n + 1, 2), order="F")
+    right[n, 1] = 1
+    z0, z = z, z.copy()
+    for iterations in range(1, max_steps + 1):
+        r, bordered[:n, :n], bordered[:n, n] = system(z[:n], z[n])
+        size = math.sqrt(r @ r)
+        if not math.isfinite(size):
+            return None
+        right[:n, 0] = r
+        right[n, 0] = tangent @ (z - z0)
+        *_, answer, singular = dgesv(bordered, right)
+        if singular:
+            return None
+        z -= answer[:, 0]
+        if size < tolerance:  # the last step is taken without looking back: the bordered matrix is regular at folds
+            new = answer[:, 1]
+            return Step(z[:n], float(z[n]), new / math.sqrt(new @ new), size, iterations)
+    return None
 
-    balance: HarmonicBalance = field(default_factory=HarmonicBalance)
-    step: float = 0.002
-    max_step: float = 0.02
-    max_turn: float = 0.15
-    max_points: int = 1000
-    max_folds: int = 3
-    tail: int = 10
-    smallest_gap: float = 0.0
-    past_start: bool = False
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.balance, HarmonicBalance):
-            raise BadInput(f"balance is {self.balance!r}; it must be a HarmonicBalance.")
-        for key in ("step", "max_step", "max_turn"):
-            if number(key, getattr(self, key), above=0) > 1:
-                raise BadInput(f"{key} is {getattr(self, key):g}; at most 1 is allowed, "
-                               f"{'a radian' if key == 'max_turn' else 'the whole gap'}, and far less is usual.")
-        for key, least in (("max_points", 2), ("max_folds", 1), ("tail", 0)):
-            whole(key, getattr(self, key), least)
-        if not 0 <= number("smallest_gap", self.smallest_gap) < 1:
-            raise BadInput(f"smallest_gap is {self.smallest_gap!r}; it is a fraction of the gap, from 0 to below 1.")
+def arclength(system: ParametrisedSystem, y: NDArray, parameter: float, *, toward: float = 1.0, step: float = 0.01,
+              max_step: float = 0.05, min_step: float = 1e-7, max_turn: float = 0.15) -> Iterator[Step]:
+    """Walk along the curve from a point on it, yielding one `Step` after another, for ever.
 
-
-def sweep(model: Model, method: HarmonicBalance, static_eccentricities: Iterable[float], *, speed: float,
-          direction: float = math.pi / 2) -> Branch:
-    """Natural continuation (Villa et al., section 5): each steady state starts from the last one.
-
-    Ends with the first eccentricity at which the solver stops or the rotor touches; `stopped` says so in words.
-    Raises NoConvergence or Contact if there is not even the first.
+    toward: sign of the first change of the parameter. step: first step along the curve, in the scaled norm of
+    (y, λ). max_turn: the tangent turns less than this (rad) in a step. Ends where no step down to `min_step` succeeds.
     """
-    values = [float(v) for v in static_eccentricities]
-    if not values:
-        raise BadInput("static_eccentricities is empty; give at least one fraction of the gap.")
-    orbit = method.solve(model, speed, values[0], direction=direction)
-    eq, done, rows, left = orbit.equations, values[:1], [orbit.local.ravel() / orbit.equations.length], [
-        orbit.residual]
-    stopped = f"It ends as asked at {100 * values[-1]:.4g} %."
-    for value in values[1:]:
-        guess = rows[-1]
-        solution = method.from_guess(eq, model.centre(value, direction), guess)
-        if not solution.converged:
-            stopped = (f"Natural continuation stopped between {100 * done[-1]:.4g} % and {100 * value:.4g} %; "
-                       "`follow` tells whether the branch turns there.")
-            break
-        done.append(value)
-        rows.append(solution.y)
-        left.append(float(np.abs(solution.residual).max() * eq.force))
-    along = path(model, "static_eccentricity", method, speed, done[0], direction)
-    branch = Branch(along, np.array(done), np.array(rows), np.array(left), (), stopped, method)
-    touching = np.flatnonzero(branch.smallest_gaps <= 0)
-    if len(touching):
-        clear = touching[0]
-        branch = Branch(along, branch.values[:clear], branch.unknowns[:clear], branch.residuals[:clear],
-                        (), f"The rotor touches the stator at {100 * done[clear]:.4g} %.", method)
-    return branch
-
-
-def follow(model: Model, parameter: str = "static_eccentricity", *, to: float | None = None, speed: float,
-           static_eccentricity: float = 0.0, direction: float = math.pi / 2, start: PeriodicOrbit | None = None,
-           method: Arclength | None = None) -> Branch:
-    """Follow the steady states along a parameter, past folds, in the direction of `to`.
-
-    parameter: "static_eccentricity" (fraction of the gap), "direction" (gap angle of the offset, rad), "speed" (rad/s),
-    "field" or "unbalance" (factors on the machine's own), "bearings.<name>.stiffness" (N/m). The branch begins at the
-    given speed (rad/s), static eccentricity and direction and at the machine's own field, unbalance and bearings, or
-    on `start`, an orbit there.
-    Ends on `to` (half the gap if none is given for the eccentricity), at contact, back at the start value, after
-    `max_folds` folds and a short tail, or after `max_points`; `branch.stopped` says which. Raises BadInput, or
-    NoConvergence where there is no first steady state.
-    """
-    method = method or Arclength()
-    if not isinstance(method, Arclength):
-        raise BadInput(f"method is a {type(method).__name__}; it must be an Arclength, which takes a HarmonicBalance.")
-    if start is not None:
-        static_eccentricity, direction = start.static_eccentricity, _direction_of(start, direction)
-    along = path(model, parameter, method.balance, speed, static_eccentricity, direction)
-    if to is None and parameter != "static_eccentricity":
-        raise BadInput(f"to is missing; say up to which value {parameter} is to be followed, from {along.say(along.first)}.")
-    to = 0.5 if to is None else to
-    number("to", to, unit="" if along.unit == "%" else along.unit)
-    if along.unit == "%" and abs(to) >= 1:
-        raise BadInput(f"to is {to!r}; it is a fraction of the gap, between -1 and 1 (12 % is 0.12).")
-    if to == along.first:
-        raise BadInput(f"to is {to:g}, where the branch starts; give another end.")
-    origin = start or method.balance.solve(model, speed, static_eccentricity, direction=direction)
-    if (origin.harmonics, origin.revolutions) != (method.balance.harmonics, method.balance.revolutions):
-        raise BadInput(f"start has {origin.harmonics} harmonics, the method {method.balance.harmonics} (in a period of "
-                       f"{origin.revolutions} and {method.balance.revolutions} revolutions); they must be the same.")
-    return _walk(along, origin, to, method)
-
-
-def _direction_of(start: PeriodicOrbit, direction: float) -> float:
-    """Gap angle of the stator's offset of an orbit; the given one where it has none."""
-    return math.atan2(*(start.centre / start.static_eccentricity)) if start.static_eccentricity else direction
-
-
-def _walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength) -> Branch:
-    """Take steps until one of the reasons to stop."""
-    system, model = along.system(), origin.model
-    forward = math.copysign(1.0, to - along.first)
-    steps: list[Step] = []
-    special: list[SpecialPoint] = []
-    left, stopped, closed = method.tail, "", False
-    # A circular gap's pull is not a number outside it, so no point that was found can touch at the AFT samples.
-    watched = method.smallest_gap > 0 or type(model.law) is not CircularPull
-    for point in arclength(system, origin.local.ravel() / origin.equations.length, along.first / along.scale,
-                           toward=forward, step=method.step, max_step=method.max_step, max_turn=method.max_turn):
-        fold = None
-        if steps and point.tangent[-1] * steps[-1].tangent[-1] < 0:
-            fold = locate_fold(system, steps[-1], point)
-        furthest = fold if fold and forward * fold.parameter > forward * point.parameter else point
-        reached = forward * (furthest.parameter * along.scale - to) >= 0
-        if reached and (landed := land(system, steps[-1], furthest, to / along.scale)):
-            point, fold = landed, None  # a fold in this step lies beyond `to`
-        if fold:
-            value = fold.parameter * along.scale
-            special.append(SpecialPoint("fold", value, len(steps) - 1, fold.y, along.say(value, 8)))
-        steps.append(point)
-        value = point.parameter * along.scale
-        gap = _smallest_gap(along, point.y, value) / model.length_scale if watched else math.inf
-        closed = len(steps) > 3 and _comes_back(steps)
-        if gap <= method.smallest_gap:
-            stopped = (f"The smallest gap is down to {100 * gap:.3g} % of the nominal one at {along.say(value)}."
-                       if gap > 0 else f"The rotor touches the stator at {along.say(value)}.")
-        elif closed:
-            stopped = f"It is closed: it came back to the steady state at {along.say(along.first)} where it began."
-        elif reached:
-            stopped = f"It reached {along.say(to)} as asked."
-        elif not method.past_start and len(steps) > 2 and forward * (value - along.first) <= 0:
-            stopped = f"It came back to {along.say(along.first)}, where it began."
-        elif len(steps) >= method.max_points:
-            stopped = f"It has the {method.max_points} points that were allowed."
-        elif len(special) >= method.max_folds and (left := left - 1) < 0:
-            stopped = f"It passed {len(special)} folds, as many as were asked for."
-        else:
+    z = np.append(y, parameter)
+    along = np.zeros(len(z))
+    along[-1] = 1.0
+    first = correct(system, z, along)
+    if first is None:
+        return
+    tangent = first.tangent * math.copysign(1.0, toward * first.tangent[-1])
+    here = replace(first, tangent=tangent)
+    yield here
+    while step >= min_step:
+        z = np.append(here.y, here.parameter)
+        new = correct(system, z + step * here.tangent, here.tangent)
+        turn = math.inf if new is None else math.acos(min(1.0, float(new.tangent @ here.tangent)))
+        if new is None or turn > 2 * max_turn:
+            step /= 2
             continue
-        break
-    if not steps:
-        raise NoConvergence(f"No branch begins at the given start, {along.say(along.first)}: it is no steady state of "
-                            f"{model.name} at {origin.speed:.4g} rad/s. Solve for one with HarmonicBalance.")
-    values = np.array([s.parameter for s in steps]) * along.scale
-    stopped = stopped or f"No further point was found near {along.say(values[-1])}, down to the smallest step."
-    residuals = np.array([s.residual for s in steps]) * origin.equations.force
-    return Branch(along, values, np.array([s.y for s in steps]), residuals, tuple(special), stopped, method, closed)
+        step = min(max_step, step * min(2.0, max(0.5, 0.8 * max_turn / max(turn, 1e-9))))
+        here = new
+        yield here
 
 
-def _smallest_gap(along: Path, y: NDArray, value: float) -> float:
-    """Smallest gap of an orbit over the AFT samples, m."""
-    problem = along.at(value)
-    eq = problem.equations
-    return float(np.min(eq.model.law.smallest_gap(eq.position(y, problem.centre))))
+def land(system: ParametrisedSystem, before: Step, after: Step, parameter: float) -> Step | None:
+    """The point between two steps where the parameter has this value; None if Newton does not settle there."""
+    share = (parameter - before.parameter) / (after.parameter - before.parameter)
+    z = np.append(before.y + share * (after.y - before.y), parameter)
+    fixed = np.zeros(len(z))
+    fixed[-1] = 1.0
+    found = correct(system, z, fixed, max_steps=12)
+    if found is None:
+        return None
+    return replace(found, parameter=parameter, tangent=math.copysign(1.0, before.tangent[-1]) * found.tangent)
 
 
-def _comes_back(steps: list[Step]) -> bool:
-    """Whether the last step passed the first point, in its direction and within a small distance of it."""
-    first, before, last = steps[0], steps[-2], steps[-1]
-    along = [first.tangent[:-1] @ (s.y - first.y) + first.tangent[-1] * (s.parameter - first.parameter)
-             for s in (before, last)]
-    if not along[0] < 0 <= along[1]:
-        return False
-    start = np.append(first.y, first.parameter)
-    a = np.append(before.y, before.parameter) - start
-    b = np.append(last.y, last.parameter) - start
-    share = along[0] / (along[0] - along[1])
-    # The chord misses the curve by about its square; half the step is far below the distance to another leg.
-    return bool(np.linalg.norm(a + share * (b - a)) < max(CLOSED, 0.1 * np.linalg.norm(b - a)))
+def locate_fold(system: ParametrisedSystem, before: Step, after: Step) -> Step:
+    """The point between two steps where the parameter turns: λ' = 0 along the curve, by a bracketed secant."""
+    start = np.append(before.y, before.parameter)
+    span = float(before.tangent @ (np.append(after.y, after.parameter) - start))
+    points: dict[float, Step] = {0.0: before, span: after}
 
+    def slope(s: float) -> float:
+        if s not in points:
+            point = correct(system, start + s * before.tangent, before.tangent, tolerance=1e-12, max_steps=12)
+            if point is None:
+                raise NoConvergence("The curve was lost between two of its points, at parameters "
+                                    f"{before.parameter:.6g} and {after.parameter:.6g}; use a smaller `max_step`.")
+            points[s] = point
+        return float(points[s].tangent[-1])
 
-def orbits_at(branch: Branch, value: float) -> list[PeriodicOrbit]:
-    """Every steady state of a branch at one value of its parameter, in the order met: one for each leg that passes it.
-
-    Each starts from the straight line between the two neighbouring points and is solved to the full accuracy.
-    """
-    problem = branch.path.at(value)
-    eq, centre = problem.equations, problem.centre
-    # With the folds put in, no leg is missed between the last point before a fold and the fold itself.
-    after = [fold.after + 1 for fold in branch.folds]
-    values = np.insert(branch.values, after, [fold.value for fold in branch.folds])
-    unknowns = np.insert(branch.unknowns, after, [fold.unknowns for fold in branch.folds], axis=0) if after else (
-        branch.unknowns)
-    away = values - value
-    found = []
-    for i in np.flatnonzero((away[:-1] * away[1:] < 0) | (away[:-1] == 0)):
-        share = away[i] / (away[i] - away[i + 1])
-        solution = newton(lambda y: eq.linearise(y, centre), (1 - share) * unknowns[i] + share * unknowns[i + 1])
-        if solution.converged:
-            found.append(branch.orbit(value, solution.y, float(np.abs(solution.residual).max() * eq.force)))
-    if away[-1] == 0:
-        found.append(branch[-1])
-    return found
+    root = brentq(slope, 0.0, span, xtol=1e-13, rtol=1e-13)
+    slope(root)
+    return points[root]

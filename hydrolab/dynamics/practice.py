@@ -15,14 +15,13 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from hydrolab.dynamics.condensation import fourier_rows
-from hydrolab.dynamics.continuation import Arclength, follow
+from hydrolab.dynamics.branches import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
-from hydrolab.dynamics.orbit_shape import ellipse
+from hydrolab.dynamics.harmonics import ellipse, fourier_rows
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.machine.forces import CircularPull, LinearPull
 from hydrolab.machine.model import Model
+from hydrolab.machine.pull import CircularPull, LinearPull
 
 PHASES = np.linspace(0, 2 * np.pi, 360, endpoint=False)
 NOTHING = 1e-9  # of the gap: a bend below this is none

@@ -16,10 +16,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.condensation import SINGULAR
+from hydrolab.dynamics.harmonic_balance import SINGULAR
 from hydrolab.errors import BadInput
-from hydrolab.machine.checks import whole
 from hydrolab.machine.model import Model
+from hydrolab.machine.quantities import whole
 
 
 @lru_cache(maxsize=64)

@@ -1,4 +1,11 @@
-"""Machine → Model: matrices, the pull on its coordinates, the unbalance. No solving.
+"""Rayleigh damping from damping ratios: C = αM + βK.
+
+Which force laws a machine's parts bring, and on which coordinates u = S q.
+
+The first two coordinates are the (x, z) of the generator's centre; the pull's law may have more (`air_gap_law`), and each
+nonlinear bearing and crack adds its own two. One plain law stays as it is, several go side by side.
+
+Machine → Model: matrices, the pull on its coordinates, the unbalance. No solving.
 
 The equation of motion is Eq. (9) of Villa, Carvalho and Salomon:
 M q̈ + (C + Ω G) q̇ + K q = Ω² (F₁ sin Ωt + F₂ cos Ωt) + Sᵀ F_NL(S q − centre).
@@ -11,14 +18,109 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
-from hydrolab.machine.attach import attach
-from hydrolab.machine.damping import rayleigh_coefficients
+from hydrolab.machine.bearings import Crack
 from hydrolab.machine.elements import shaft_element
-from hydrolab.machine.forces import ForceLaw
+from hydrolab.machine.gap_shape import shaped_law
 from hydrolab.machine.parts import Machine, RigidBody
+from hydrolab.machine.pull import CircularPull, ForceLaw, LinearPull, Placed, SeveralLaws, TangentialPull, TiltedPull
+
+DISTINCT = 1e-6  # relative difference below which two frequencies are the pair of an isotropic rotor
+
+
+def rayleigh_coefficients(M: NDArray, K: NDArray, ratios: tuple[float, float]) -> tuple[float, float]:
+    """α (1/s) and β (s) that give the first and the second distinct mode at rest these damping ratios.
+
+    In a mode of C = αM + βK the ratio is ζ = α/(2ω) + βω/2 (T. K. Caughey and M. E. J. O'Kelly, 1965),
+    so two frequencies fix both. The frequencies are those of M and K alone (speed zero). The two equal
+    frequencies of an isotropic rotor count once, and rigid-body motions, ω = 0, cannot carry a ratio.
+
+    M, K: mass and stiffness, (n, n), M positive definite, K symmetric. ratios: (ζ₁, ζ₂), fractions of critical.
+
+    Raises BadInput if K is not symmetric or has fewer than two distinct frequencies above zero.
+    """
+    if not np.allclose(K, K.T, rtol=0, atol=1e-9 * np.abs(K).max()):
+        raise BadInput("damping.ratio needs a symmetric stiffness matrix, and this one is not: "
+                       "a bearing has cross-coupling with xz different from zx. Give the bearings a damping instead.")
+    squares = scipy.linalg.eigvalsh(K, M)
+    rounding = 10 * len(M) * np.finfo(float).eps * np.abs(squares).max()
+    omega = np.sqrt(squares[squares > rounding])
+    above = omega[omega > omega[0] * (1 + DISTINCT)] if len(omega) else omega
+    if not len(above):
+        raise BadInput(f"damping.ratio needs two distinct frequencies above zero; this machine has {len(omega[:1])}. "
+                       "Give the bearings a damping instead.")
+    first, second = omega[0], above[0]
+    alpha, beta = np.linalg.solve([[1 / (2 * first), first / 2], [1 / (2 * second), second / 2]], ratios)
+    return float(alpha), float(beta)
+
+
+def air_gap_law(machine: Machine, centre: NDArray) -> tuple[ForceLaw, NDArray]:
+    """The law of the air gap and the rows of its coordinates, (c, n).
+
+    centre: the rows of the (x, z) of the body in the gap, (2, n). Without an air gap the law is zero everywhere.
+    """
+    air = machine.air_gap
+    if air is None:
+        return CircularPull(0.0, math.inf), centre
+    law, rows = upright_law(machine), centre
+    if air.tilt:
+        law = TiltedPull(law, air.length)
+        rows = np.vstack([centre, slopes(machine.body(air.body).node, centre.shape[1])])
+    if air.tangential:
+        across = TangentialPull(air.tangential * air.pull_stiffness, air.gap)
+        law = SeveralLaws((Placed(law, slice(0, len(rows)), magnetic=True), Placed(across, slice(0, 2), magnetic=True)))
+    return law, rows
+
+
+def upright_law(machine: Machine) -> ForceLaw:
+    """The pull of the air gap along the eccentricity, of a rotor that does not tilt."""
+    air = machine.air_gap
+    if machine.poles:
+        return machine.poles.law(air.pull_stiffness, air.gap)
+    if machine.shapes:
+        stator, rotor = (tuple(s.bulge() for s in machine.shapes if s.of == side) for side in ("stator", "rotor"))
+        return shaped_law(air.pull_stiffness, air.gap, stator, rotor)
+    return (LinearPull if air.linear else CircularPull)(air.pull_stiffness, air.gap)
+
+
+def slopes(node: int, size: int) -> NDArray:
+    """Rows of the slopes (∂x/∂y, ∂z/∂y) = (−θz, θx) at a node of a shaft, (2, size)."""
+    rows = np.zeros((2, size))
+    rows[0, 4 * node + 3], rows[1, 4 * node + 2] = -1.0, 1.0
+    return rows
+
+
+def place(node: int, per_node: int, size: int) -> NDArray:
+    """Rows of the (x, z) of a node, (2, size)."""
+    return np.eye(size)[per_node * node:per_node * node + 2]
+
+
+def crack_law(machine: Machine, crack: Crack) -> ForceLaw:
+    """The law of a crack in its element."""
+    shaft, i = machine.shaft, crack.element
+    return crack.law(shaft.young, shaft.poisson, float(shaft.diameter[i]), float(shaft.young * shaft.second_moment[i]),
+                     float(np.diff(shaft.nodes)[i]))
+
+
+def attach(machine: Machine, per_node: int, centre: NDArray) -> tuple[ForceLaw, NDArray]:
+    """The law of a whole machine and its selection S, (c, n). centre: as in `air_gap_law`."""
+    size = centre.shape[1]
+    pull, rows = air_gap_law(machine, centre)
+    more = [(pads.law(), place(pads.node, per_node, size)) for pads in machine.pad_bearings]
+    more += [(film.law(machine.speed), place(film.node, per_node, size)) for film in machine.films]
+    more += [(crack_law(machine, crack), slopes(crack.element + 1, size) - slopes(crack.element, size))
+             for crack in machine.cracks]
+    if not more:
+        return pull, rows
+    placed = [Placed(pull, slice(0, len(rows)), magnetic=True)]
+    for law, own in more:
+        placed.append(Placed(law, slice(len(rows), len(rows) + 2)))
+        rows = np.vstack([rows, own])
+    return SeveralLaws(tuple(placed)), rows
+
 
 NO_GAP_SCALE = 1e-3  # m; length that scales unknowns where a machine has no air gap
 

@@ -24,9 +24,9 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
 from hydrolab import load_machine
-from hydrolab.show.scene import MachineScene
-from hydrolab.show.server import close_server, open_server
-from tests.show.conftest import CAMERA
+from hydrolab.live.scene import MachineScene
+from hydrolab.live.server import close_server, open_server
+from tests.live.conftest import CAMERA
 
 OPTIONS = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "compression": None, "ping_interval": None}
 

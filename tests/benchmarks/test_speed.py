@@ -39,12 +39,11 @@ from hydrolab import (
     update_branch,
     vary,
 )
-from hydrolab.calibration import load_family
-from hydrolab.dynamics.condensation import condense
-from hydrolab.dynamics.full_balance import dynamic_matrix, solve_full
-from hydrolab.family import judge_family
-from hydrolab.machine.fault_parts import PadBearing
+from hydrolab.dynamics.harmonic_balance import condense
+from hydrolab.machine.bearings import PadBearing
 from hydrolab.machine.parts import RayleighDamping, Shaft
+from hydrolab.paper.calibration import judge_family, load_family
+from tests.reference.full_balance import dynamic_matrix, solve_full
 
 ROWS = np.arange(0, 0.089, 0.001)
 MATRIX, PATH = np.eye(18) * 5 + 0.1 * np.sin(np.arange(324.0)).reshape(18, 18), 0.1 * np.sin(np.arange(128.0)).reshape(2, 64)

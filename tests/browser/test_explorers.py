@@ -25,8 +25,8 @@ PIXELS = """async canvas => {
 DRAWN = "print(__import__('hashlib').sha256(explorer.kept._last).hexdigest())"  # the same, of what the kernel drew
 FROZEN = """
 import json
-from hydrolab.show import server
-from hydrolab.show.poses import positions
+from hydrolab.live import server
+from hydrolab.live.poses import positions
 scene = next(stop.__self__ for stop in server._open.stops if hasattr(stop, '__self__') and hasattr(stop.__self__, 'shown'))
 scene.stop()
 scene.draw(1.0)

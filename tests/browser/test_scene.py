@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hydrolab import load_machine
-from hydrolab.show.poses import positions
-from hydrolab.show.recording import record_scene
-from hydrolab.show.scene import MachineScene
+from hydrolab.live.poses import positions
+from hydrolab.live.recording import record_scene
+from hydrolab.live.scene import MachineScene
 from tests.chromium import BONES, BROWSER, keep, wait_for_bones
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]")

@@ -9,8 +9,8 @@ import pytest
 import hydrolab
 from hydrolab.cli import course_files, main
 from hydrolab.course import notebooks, pages, static_book
-from hydrolab.course.api_page import api_page
 from hydrolab.course.hand_out import hand_out, without_solutions
+from hydrolab.course.pages import api_page
 from hydrolab.errors import BadInput
 
 BOOK = Path(__file__).resolve().parents[2] / "book"
@@ -72,7 +72,7 @@ def test_the_library_is_listed_with_its_words():
     page = api_page()
     for name in hydrolab.__all__:
         assert f"| `{name}` |" in page
-    assert "follow(" in page and "hydrolab.machine.forces" in page and "'Machine'" not in page
+    assert "follow(" in page and "hydrolab.machine.pull" in page and "'Machine'" not in page
 
 
 SOLVED = """<details><summary>Solution</summary>

@@ -19,10 +19,9 @@ from hydrolab import (
     stable_orbits_at,
 )
 from hydrolab.dynamics import stability
-from hydrolab.dynamics.continuation import Arclength
-from hydrolab.dynamics.monodromy import moved, multipliers
-from hydrolab.dynamics.splitting import split
-from hydrolab.dynamics.stability import BranchStability, floquet_all, outside
+from hydrolab.dynamics.branches import Arclength
+from hydrolab.dynamics.ensemble import split
+from hydrolab.dynamics.stability import BranchStability, floquet_all, moved, multipliers, outside
 from hydrolab.errors import NoConvergence
 
 

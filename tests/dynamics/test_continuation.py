@@ -9,9 +9,9 @@ import pytest
 from scipy.optimize import brentq, root
 
 from hydrolab import HarmonicBalance, follow, orbits_at, sweep
-from hydrolab.dynamics.continuation import Arclength, arclength, correct, locate_fold
+from hydrolab.dynamics.branches import Arclength, arclength, correct, locate_fold
 from hydrolab.errors import BadInput, NoConvergence
-from hydrolab.machine.forces import CircularPull, LinearPull
+from hydrolab.machine.pull import CircularPull, LinearPull
 
 RADIUS = 0.7
 

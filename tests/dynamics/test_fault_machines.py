@@ -7,11 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hydrolab import HarmonicBalance, Newmark, RungeKutta, floquet, follow, integrate, load_machine, reduce, rpm
-from hydrolab.dynamics.full_balance import solve_full
-from hydrolab.dynamics.monodromy import multipliers
-from hydrolab.dynamics.splitting import split
-from hydrolab.machine.fault_parts import Crack, JournalFilm, PadBearing
-from hydrolab.machine.gap_parts import GapShape
+from hydrolab.dynamics.ensemble import split
+from hydrolab.dynamics.stability import multipliers
+from hydrolab.machine.bearings import Crack, JournalFilm, PadBearing
+from hydrolab.machine.gap_shape import GapShape
+from tests.reference.full_balance import solve_full
 
 SPEED, OFFSET = rpm(150), 0.04
 UNIT = load_machine("kaplan-150rpm")

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from hydrolab import HarmonicBalance, Newmark, RungeKutta, floquet, integrate, load_machine
-from hydrolab.dynamics.full_balance import solve_full
-from hydrolab.machine.gap_parts import GapShape, Poles
+from hydrolab.machine.gap_shape import GapShape, Poles
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
+from tests.reference.full_balance import solve_full
 
 AIR = AirGap("core", 0.5, 0.25, 1.0, 0.005)
 SPEED = 150.0  # rad/s, below the band

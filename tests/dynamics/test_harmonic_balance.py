@@ -8,12 +8,12 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from hydrolab import HarmonicBalance, follow, load_machine, newton, powell_dog_leg, sweep
-from hydrolab.dynamics.condensation import from_complex, to_complex
-from hydrolab.dynamics.full_balance import dynamic_matrix, solve_full
+from hydrolab.dynamics.harmonics import from_complex, to_complex
 from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.machine.forces import LinearPull
 from hydrolab.machine.model import Model
 from hydrolab.machine.parts import RadialBearing, RigidBody
+from hydrolab.machine.pull import LinearPull
+from tests.reference.full_balance import dynamic_matrix, solve_full
 
 
 def with_law(model, law):
@@ -141,7 +141,7 @@ def test_dop853_from_rest_ends_on_the_orbit(peer, speed):
 
 @pytest.mark.parametrize("harmonics", [4, 6, 8, 12])
 def test_peer_fold(peer, speed, harmonics):
-    from hydrolab.dynamics.continuation import Arclength
+    from hydrolab.dynamics.branches import Arclength
     method = Arclength(HarmonicBalance(harmonics), max_folds=1, tail=0)
     (fold,) = follow(peer, to=0.2, speed=speed, method=method).folds
     assert fold.value == pytest.approx(0.078325643, abs=1e-8)  # AUTO-07p: 0.078325643218

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from hydrolab import CentralDifference, HarmonicBalance, Newmark, RungeKutta, integrate, reduce, truncation_error
-from hydrolab.dynamics.task import Task
-from hydrolab.dynamics.time_methods import central_difference_matrices, newmark_matrices
+from hydrolab.dynamics.integrate import Task, central_difference_matrices, newmark_matrices
 from hydrolab.errors import BadInput
-from hydrolab.machine.forces import CircularPull, LinearPull, ShapedPull
 from hydrolab.machine.model import Model
 from hydrolab.machine.parts import Machine, RadialBearing, RigidBody
+from hydrolab.machine.pull import CircularPull, LinearPull, ShapedPull
 
 
 @pytest.fixture(scope="module")

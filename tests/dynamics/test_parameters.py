@@ -9,9 +9,8 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from hydrolab import HarmonicBalance, follow, orbits_at, rpm
-from hydrolab.dynamics.arclength import arclength
-from hydrolab.dynamics.continuation import Arclength
-from hydrolab.dynamics.parameters import path
+from hydrolab.dynamics.branches import Arclength, path
+from hydrolab.dynamics.continuation import arclength
 from hydrolab.errors import BadInput
 
 PARAMETERS = ("static_eccentricity", "direction", "speed", "field", "unbalance", "bearings.guide.stiffness")

@@ -9,9 +9,9 @@ from scipy.optimize import brentq
 
 from hydrolab import BadInput, HarmonicBalance, floquet, load_machine, modes
 from hydrolab.dynamics.parametric import centred_growth, stability_chart, two_pole_band, two_pole_growth
-from hydrolab.machine.gap_parts import Poles
+from hydrolab.machine.gap_shape import Poles
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
-from hydrolab.machine.tangential import tangential_limit
+from hydrolab.machine.pull import tangential_limit
 
 MASS, STIFFNESS = 1800.0, 1.3e8
 AIR = AirGap("core", 0.5, 0.25, 1.0, 0.005)

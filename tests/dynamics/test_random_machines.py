@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hydrolab import HarmonicBalance, Newmark, floquet, follow, integrate, newton, powell_dog_leg, sweep
-from hydrolab.dynamics.full_balance import dynamic_matrix
 from hydrolab.errors import BadInput, Contact, NoConvergence
+from tests.reference.full_balance import dynamic_matrix
 
 CLEAR = (BadInput, NoConvergence, Contact)
 QUIET = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)

@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hydrolab import BadInput, CentralDifference, HarmonicBalance, Newmark, RungeKutta, basins, floquet, follow, integrate
-from hydrolab.dynamics.full_balance import solve_full
-from hydrolab.machine.several import Placed, SeveralLaws
+from hydrolab.machine.pull import Placed, SeveralLaws
+from tests.reference.full_balance import solve_full
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ def test_second_order_with_velocities(machine, speed, method):
 
 def test_multipliers(machine, speed):
     """Against the variational equations of the same reduced machine by DOP853."""
-    from hydrolab.dynamics.monodromy import multipliers
-    from hydrolab.dynamics.splitting import split
+    from hydrolab.dynamics.ensemble import split
+    from hydrolab.dynamics.stability import multipliers
 
     orbit = HarmonicBalance(10).solve(machine, speed, 0.05)
     small = split(machine, speed, 3)
@@ -132,7 +132,7 @@ def test_a_branch_with_two_laws(machine, speed):
 
 @pytest.mark.parametrize("parameter", ["speed", "field", "unbalance"])
 def test_slopes_of_paths(machine, speed, parameter):
-    from hydrolab.dynamics.parameters import path
+    from hydrolab.dynamics.branches import path
 
     along = path(machine, parameter, HarmonicBalance(5), speed, 0.05, np.pi / 2)
     system, scaled = along.system(), along.first / along.scale

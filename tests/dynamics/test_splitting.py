@@ -18,10 +18,9 @@ from hydrolab import (
     stable_orbits_at,
     sweep_in_time,
 )
-from hydrolab.dynamics.basins import CONTACT, OTHER
-from hydrolab.dynamics.splitting import advance, split
+from hydrolab.dynamics.ensemble import CONTACT, OTHER, advance, split
 from hydrolab.errors import BadInput
-from hydrolab.machine.forces import CircularPull
+from hydrolab.machine.pull import CircularPull
 
 
 @pytest.fixture(scope="module")

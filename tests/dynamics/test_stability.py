@@ -8,10 +8,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hydrolab import HarmonicBalance, RungeKutta, floquet, follow, integrate, reduce
-from hydrolab.dynamics.continuation import Arclength
+from hydrolab.dynamics.branches import Arclength
 from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput
-from hydrolab.machine.forces import CircularPull
+from hydrolab.machine.pull import CircularPull
 
 
 def leading(matrix, count=4):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from hydrolab import HarmonicBalance, ShapedPull, follow, load_machine, orbits_at, update_branch, vary
-from hydrolab.dynamics.continuation import Arclength
-from hydrolab.dynamics.update import MOVED
+from hydrolab.dynamics.batch import MOVED
+from hydrolab.dynamics.branches import Arclength
 from hydrolab.errors import BadInput
 
 

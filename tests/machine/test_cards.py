@@ -12,8 +12,16 @@ from hypothesis import strategies as st
 
 import hydrolab.machine.cards as module
 from hydrolab.errors import BadInput
-from hydrolab.machine.card_keys import UNITS, units_of
-from hydrolab.machine.cards import card_names, card_text, load_machine, machine_from_card, read_card, write_card
+from hydrolab.machine.cards import (
+    UNITS,
+    card_names,
+    card_text,
+    load_machine,
+    machine_from_card,
+    read_card,
+    units_of,
+    write_card,
+)
 from hydrolab.machine.parts import SI_UNITS, Entry, Machine
 
 SHIPPED = ["jeffcott", "kaplan-150rpm", "three-disc", "two-pole"]

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from hydrolab.machine.bearings import Pads, ShortFilm
 from hydrolab.machine.crack import BreathingCrack, crack_flexibility, stiffness_loss
 from hydrolab.machine.elements import shaft_element
-from hydrolab.machine.film import ShortFilm
-from hydrolab.machine.forces import CircularPull, ShapedPull
-from hydrolab.machine.pads import Pads
-from hydrolab.machine.tilted_pull import TiltedPull
+from hydrolab.machine.pull import CircularPull, ShapedPull, TiltedPull
 
 G0, HEIGHT = 0.011, 0.97
 UPRIGHT = CircularPull(1.65e8, G0)

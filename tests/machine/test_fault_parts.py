@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from hydrolab import BadInput, load_machine, vary
-from hydrolab.machine.attach import slopes
+from hydrolab.machine.bearings import JournalFilm, PadBearing
 from hydrolab.machine.cards import machine_from_card, read_card, write_card
-from hydrolab.machine.fault_parts import JournalFilm, PadBearing
-from hydrolab.machine.several import SeveralLaws
-from hydrolab.machine.tilted_pull import TiltedPull
+from hydrolab.machine.model import slopes
+from hydrolab.machine.pull import SeveralLaws, TiltedPull
 
 
 def stated(value, unit):

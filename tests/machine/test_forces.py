@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq, minimize_scalar
 
-from hydrolab.machine.air_gap import MU_0, AirGap
-from hydrolab.machine.forces import CircularPull, LinearPull, ShapedPull, closed_form
+from hydrolab.machine.parts import MU_0, AirGap
+from hydrolab.machine.pull import CircularPull, LinearPull, ShapedPull, closed_form
 
 GAP = AirGap("generator", 0.5, 2.9945, 0.97, 0.011)  # the paper's Table 1
 G0 = GAP.gap

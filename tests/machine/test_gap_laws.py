@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from hydrolab.machine.air_gap import MU_0, AirGap
-from hydrolab.machine.field_wave import FieldWave, Wave, loaded
-from hydrolab.machine.forces import CircularPull, ShapedPull
+from hydrolab.machine.gap_shape import Bulge, TurningPull, selection_rule, shaped_law
+from hydrolab.machine.parts import MU_0, AirGap
 from hydrolab.machine.pole_pairs import PolePairPull, peak_field, series_force, truncated_size, whole_moment, whole_size
-from hydrolab.machine.shapes import Bulge, TurningPull, selection_rule, shaped_law
-from hydrolab.machine.tangential import TangentialPull
+from hydrolab.machine.pull import CircularPull, FieldWave, ShapedPull, TangentialPull, Wave, loaded
 
 AIR = AirGap("rotor", 0.5, 0.25, 1.0, 0.005)
 K, G0 = AIR.pull_stiffness, AIR.gap

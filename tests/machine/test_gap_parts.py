@@ -7,13 +7,10 @@ import pytest
 
 from hydrolab import BadInput, load_machine, vary
 from hydrolab.machine.cards import machine_from_card, read_card, write_card
-from hydrolab.machine.field_wave import FieldWave
-from hydrolab.machine.forces import CircularPull, LinearPull, ShapedPull
-from hydrolab.machine.gap_parts import gap_shapes
+from hydrolab.machine.gap_shape import Bulge, TurningPull, gap_shapes
 from hydrolab.machine.parts import AirGap
 from hydrolab.machine.pole_pairs import PolePairPull
-from hydrolab.machine.several import SeveralLaws
-from hydrolab.machine.shapes import Bulge, TurningPull
+from hydrolab.machine.pull import CircularPull, FieldWave, LinearPull, SeveralLaws, ShapedPull
 
 
 def stated(value, unit="1"):

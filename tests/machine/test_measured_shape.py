@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from hydrolab import BadInput
-from hydrolab.machine.measured_shape import read_gap
-from hydrolab.machine.shapes import Bulge, outline, shaped_law
+from hydrolab.machine.gap_shape import Bulge, outline, read_gap, shaped_law
 
 TRUE = (Bulge(1, 2e-4, 0.5), Bulge(2, 4e-4, -0.6), Bulge(3, 1e-4, 0.2), Bulge(5, 3e-5, 0.1))
 

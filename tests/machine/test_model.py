@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hydrolab.errors import BadInput
-from hydrolab.machine.forces import CircularPull
 from hydrolab.machine.model import body_matrices, rigid_link
 from hydrolab.machine.parts import Machine, RadialBearing, RigidBody, Shaft
+from hydrolab.machine.pull import CircularPull
 
 
 def rigid_motion(depths, shift, tilt):

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hydrolab.errors import BadInput
-from hydrolab.machine.air_gap import MU_0
 from hydrolab.machine.parts import (
+    MU_0,
     AirGap,
     Entry,
     Machine,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hydrolab import BadInput, card_names, load_machine, vary
-from hydrolab.machine.vary import parameter_keys
+from hydrolab.machine.cards import parameter_keys
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import numpy as np
 
 from hydrolab import Newmark, RungeKutta, integrate, load_machine
 from hydrolab.course.answers import Exercise, Mistake
-from hydrolab.dynamics.trajectory import Trajectory
+from hydrolab.dynamics.results import Trajectory
 from hydrolab.machine.model import Model
 
 

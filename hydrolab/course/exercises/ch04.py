@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from hydrolab import HarmonicBalance, load_machine
 from hydrolab.course.answers import Exercise, Mistake
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.machine.forces import CircularPull
 from hydrolab.machine.model import Model
+from hydrolab.machine.pull import CircularPull
 
 ECCENTRICITY = 0.07
 

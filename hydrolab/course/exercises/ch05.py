@@ -11,10 +11,10 @@ from scipy.optimize import brentq
 
 from hydrolab import floquet, follow, load_machine, rpm
 from hydrolab.course.answers import Exercise, Mistake
-from hydrolab.dynamics.continuation import arclength, locate_fold
-from hydrolab.dynamics.monodromy import strang_product
+from hydrolab.dynamics.branches import arclength, locate_fold
+from hydrolab.dynamics.ensemble import split
 from hydrolab.dynamics.results import Branch
-from hydrolab.dynamics.splitting import split
+from hydrolab.dynamics.stability import strang_product
 from hydrolab.machine.model import Model
 
 MOST_STEPS = 4096

@@ -8,9 +8,9 @@ from functools import cache
 
 from hydrolab import Arclength, Contact, HarmonicBalance, NoConvergence, ellipse, follow, load_machine
 from hydrolab.course.answers import Exercise, Mistake
+from hydrolab.machine.gap_shape import Bulge, selection_rule, shaped_law
 from hydrolab.machine.parts import Machine
-from hydrolab.machine.shapes import Bulge, selection_rule, shaped_law
-from hydrolab.machine.tilted_pull import TiltedPull
+from hydrolab.machine.pull import TiltedPull
 
 SIZE = 2e-4  # m, of the shapes of 11.1
 TALL = 1.94  # m, the rim of 11.3

@@ -1,0 +1,444 @@
+"""What acts on a motion in time: the field's ramp, the unbalance, and the forces as a loop wants them.
+
+The pull of a circular gap is taken on plain floats, which costs a third of the same on arrays.
+
+Methods of time integration: centred finite differences, Newmark, and SciPy's Runge–Kutta.
+
+A method object says how; its `run` yields the motion one revolution at a time. The step of each is a free function
+over arrays.
+
+Time integration: the verb `integrate`.
+
+Full FE models have frequencies of tens of kilohertz that no orbit shows, so it works on a modal basis with the static
+deflection under the pull (`reduce`) unless told otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from hydrolab.dynamics.harmonic_balance import condense
+from hydrolab.dynamics.reduction import reduce
+from hydrolab.dynamics.results import PeriodicOrbit, Trajectory, contact_sentence
+from hydrolab.errors import BadInput, NoConvergence
+from hydrolab.machine.model import Model
+from hydrolab.machine.pull import CircularPull, ForceLaw, force_at, linearise_at
+from hydrolab.machine.quantities import number, require_model, turning, whole
+
+
+@dataclass(frozen=True)
+class Task:
+    """What is integrated: a model at a speed, the stator centre, and the field's ramp."""
+
+    model: Model
+    speed: float
+    centre: NDArray
+    ramp: float
+
+    def field(self, time: float) -> float:
+        """Share of the full flux density at a time: linear up to 1 at the end of the ramp."""
+        return min(1.0, time / self.ramp) if self.ramp > 0 else 1.0
+
+    def law(self, time: float) -> ForceLaw:
+        """The forces at a time; the pull goes with the square of the field."""
+        strength = self.field(time) ** 2
+        return self.model.law if strength == 1 else self.model.law.scaled(strength)
+
+    def force(self, time: float, u: NDArray, rate: NDArray) -> NDArray:
+        """Forces on the nonlinear coordinates u with velocities `rate`, N."""
+        return force_at(self.law(time), self.model.relative(u, self.centre), rate, self.speed * time, self.speed)
+
+    def linearise(self, time: float, u: NDArray, rate: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Forces, N, and their derivatives by position, N/m, and velocity, N s/m."""
+        return linearise_at(self.law(time), self.model.relative(u, self.centre), rate, self.speed * time, self.speed)
+
+    def unbalance(self, time: float) -> NDArray:
+        """Unbalance force on all DOFs, N."""
+        phase = self.speed * time
+        return self.speed**2 * (self.model.unbalance_sin * math.sin(phase) + self.model.unbalance_cos * math.cos(phase))
+
+    def acceleration(self, time: float, q: NDArray, v: NDArray) -> NDArray:
+        """q̈ from the equation of motion, Eq. (9)."""
+        m = self.model
+        force = self.unbalance(time) + m.selection.T @ self.force(time, m.selection @ q, m.selection @ v)
+        return np.linalg.solve(m.M, force - m.velocity_matrix(self.speed) @ v - m.K @ q)
+
+
+def on_floats(law: CircularPull) -> Callable[[float, float], tuple[float, ...]]:
+    """The circular law for a loop: (x, z) → (Fx, Fz, ∂Fx/∂x, ∂Fx/∂z, ∂Fz/∂x, ∂Fz/∂z); nan outside the gap.
+
+    On two floats it costs a tenth of the same on arrays of length one.
+    """
+    stiffness, square = law.stiffness, law.gap**2
+
+    def circular(x: float, z: float) -> tuple[float, ...]:
+        room = 1 - (x * x + z * z) / square
+        if not room > 0:
+            return (math.nan,) * 6
+        k = stiffness / (room * math.sqrt(room))
+        b = 3 * k / (room * square)
+        return k * x, k * z, k + b * x * x, b * x * z, b * x * z, k + b * z * z
+
+    return circular
+
+
+def explicit_pull(task: Task) -> Callable[[float, NDArray, NDArray], NDArray]:
+    """The forces at a time, a known position and velocity (c,), N, for a loop."""
+    if type(task.model.law) is not CircularPull:
+        return task.force
+    law, (xe, ze) = on_floats(task.model.law), task.centre.tolist()
+
+    def pull(t: float, u: NDArray, rate: NDArray) -> NDArray:
+        x, z = u.tolist()
+        fx, fz, *_ = law(x - xe, z - ze)
+        strength = task.field(t) ** 2
+        return np.array([strength * fx, strength * fz])
+
+    return pull
+
+
+def implicit_pull(task: Task, compliance: NDArray) -> Callable[[float, NDArray, NDArray, NDArray], NDArray]:
+    """The circular pull f at the unknown position u = free + compliance f(u), by Newton on its two coordinates.
+
+    Returns a function of time, free (2,), a guess of u (2,) and a velocity it does not need; its f is nan outside the gap.
+    """
+    law, (xe, ze) = on_floats(task.model.law), task.centre.tolist()
+    (cxx, cxz), (czx, czz) = compliance.tolist()
+    scale = task.model.length_scale
+
+    def pull(t: float, free: NDArray, guess: NDArray, rate: NDArray) -> NDArray:
+        (free_x, free_z), (x, z) = free.tolist(), guess.tolist()
+        strength = task.field(t) ** 2
+        for _ in range(20):
+            fx, fz, kxx, kxz, kzx, kzz = (strength * value for value in law(x - xe, z - ze))
+            rx, rz = free_x + cxx * fx + cxz * fz - x, free_z + czx * fx + czz * fz - z
+            if not abs(rx) + abs(rz) > 1e-13 * (scale + abs(x) + abs(z)):
+                return np.array([fx, fz])
+            # (I − compliance slope) step = r, by Cramer's rule
+            a, b = 1 - cxx * kxx - cxz * kzx, -cxx * kxz - cxz * kzz
+            c, d = -czx * kxx - czz * kzx, 1 - czx * kxz - czz * kzz
+            determinant = a * d - b * c
+            x, z = x + (d * rx - b * rz) / determinant, z + (a * rz - c * rx) / determinant
+        raise _no_position(task, t)
+
+    return pull
+
+
+def implicit_forces(task: Task, compliance: NDArray, mobility: NDArray) -> Callable[..., NDArray]:
+    """Forces f of any laws at the unknown u = free + compliance f and velocity rate + mobility f, by Newton on f.
+
+    Returns a function of time, free (c,), a guess of u (c,) and rate (c,); its f is nan outside the gap.
+    """
+    scale, one = task.model.length_scale, np.eye(len(compliance))
+
+    def forces(t: float, free: NDArray, guess: NDArray, rate: NDArray) -> NDArray:
+        f = task.force(t, guess, rate)
+        for _ in range(20):
+            place = free + compliance @ f
+            there, slope, damping = task.linearise(t, place, rate + mobility @ f)
+            if not np.isfinite(there).all():
+                return there
+            step = np.linalg.solve(one - slope @ compliance - damping @ mobility, there - f)
+            f = f + step
+            if not np.abs(compliance @ step).max() > 1e-13 * (scale + np.abs(place).max()):
+                return f
+        raise _no_position(task, t)
+
+    return forces
+
+
+def _no_position(task: Task, t: float) -> NoConvergence:
+    return NoConvergence(f"Newmark found no position after {t * task.speed / (2 * math.pi):.2f} revolutions: the "
+                         "pull changes too much in a step. Use more steps per revolution.")
+
+
+Block = tuple[NDArray, NDArray, NDArray]  # times, positions (2, n) of a piece of motion, state (2, r) at its end
+
+
+@dataclass(frozen=True)
+class CentralDifference:
+    """Centred finite differences (Géradin and Rixen 1997), explicit in the pull, second order.
+
+    Stable while ω_max Δt ≤ 2; `integrate` checks it and says how many steps are needed.
+    """
+
+    steps_per_revolution: int = 512
+    order = 2
+
+    def __post_init__(self) -> None:
+        _check_steps(self.steps_per_revolution)
+
+    def run(self, task: Task, state: NDArray, start: float, revolutions: int) -> Iterator[Block]:
+        """Yield the motion, one revolution at a time."""
+        m, n = task.model, self.steps_per_revolution
+        dt = 2 * math.pi / task.speed / n
+        fastest = math.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(m.M, m.K))).max())
+        if fastest * dt > 2:
+            needed = math.ceil(math.pi * fastest / task.speed)
+            raise BadInput(f"steps_per_revolution is {n}: the fastest frequency of the model, {fastest:.4g} rad/s, "
+                           f"times the step {dt:.3g} s is {fastest * dt:.3g}, and central differences need at most 2. "
+                           f"Use at least {needed} steps per revolution, or fewer modes.")
+        before, now, push, load = central_difference_matrices(m, task.speed, dt)
+        forcing = np.array([load @ task.unbalance(start + i * dt) for i in range(n)])
+        q, v = state
+        old = q - dt * v + 0.5 * dt**2 * task.acceleration(start, q, v)
+        older, u, rate = None, m.selection @ q, m.selection @ v
+        pull = explicit_pull(task)
+
+        def ahead(step: int) -> NDArray:
+            return now @ q + before @ old + push @ pull(start + step * dt, u, rate) + forcing[step % n]
+
+        for revolution in range(revolutions):
+            path = np.empty((n, 2))
+            for i in range(n):
+                older, old, q = old, q, ahead(revolution * n + i)
+                u = m.selection @ q
+                path[i] = u[:2]
+                if m.law.moving:  # known to second order from what has been computed
+                    rate = m.selection @ (1.5 * q - 2 * old + 0.5 * older) / dt
+            last = (revolution + 1) * n
+            v = (ahead(last) - old) / (2 * dt)  # what the start formula above turns into `old` again
+            yield start + (last - n + 1 + np.arange(n)) * dt, path.T, np.stack([q, v])
+
+
+def central_difference_matrices(model: Model, speed: float, dt: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Matrices of q_{n+1} = now q_n + before q_{n−1} + push f_n + load F_n, from one factorisation.
+
+    (M/Δt² + 𝒞/2Δt) q_{n+1} = F_n − (K − 2M/Δt²) q_n − (M/Δt² − 𝒞/2Δt) q_{n−1}, 𝒞 = C + ΩG.
+    Returns (before, now, push, load); push takes the pull at the generator, load a force on all DOFs.
+    """
+    velocity = model.velocity_matrix(speed) / (2 * dt)
+    load = np.linalg.inv(model.M / dt**2 + velocity)
+    return (-load @ (model.M / dt**2 - velocity), -load @ (model.K - 2 * model.M / dt**2),
+            load @ model.selection.T, load)
+
+
+@dataclass(frozen=True)
+class Newmark:
+    """Newmark's method, average acceleration by default: no step limit, no numerical damping, second order.
+
+    The pull at the new time is solved for, on its own coordinates; a lagged pull would act as damping.
+    """
+
+    steps_per_revolution: int = 512
+    beta: float = 0.25
+    gamma: float = 0.5
+
+    @property
+    def order(self) -> int:
+        """2 for γ = ½, else 1."""
+        return 2 if self.gamma == 0.5 else 1
+
+    def __post_init__(self) -> None:
+        _check_steps(self.steps_per_revolution)
+        if not (0 < self.beta <= 0.5 and 0.5 <= self.gamma <= 1):
+            raise BadInput(f"beta is {self.beta}, gamma is {self.gamma}; use 0 < beta ≤ 0.5 and 0.5 ≤ gamma ≤ 1.")
+
+    def run(self, task: Task, state: NDArray, start: float, revolutions: int) -> Iterator[Block]:
+        """Yield the motion, one revolution at a time."""
+        m, n, r = task.model, self.steps_per_revolution, task.model.size
+        dt = 2 * math.pi / task.speed / n
+        advance, push, load = newmark_matrices(m, task.speed, dt, self.beta, self.gamma)
+        if type(m.law) is CircularPull:
+            pull = implicit_pull(task, m.selection @ push[:r])
+        else:
+            pull = implicit_forces(task, m.selection @ push[:r], m.selection @ push[r:2 * r])
+        forcing = np.array([load @ task.unbalance(start + (i + 1) * dt) for i in range(n)])
+        motion = np.concatenate([*state, task.acceleration(start, *state)])
+        u = m.selection @ state[0]
+        for revolution in range(revolutions):
+            path = np.empty((n, 2))
+            for i in range(n):
+                free = advance @ motion + forcing[i]
+                force = pull(start + (revolution * n + i + 1) * dt, m.selection @ free[:r], u, m.selection @ free[r:2 * r])
+                motion = free + push @ force
+                u = m.selection @ motion[:r]
+                path[i] = u[:2]
+            yield start + (revolution * n + 1 + np.arange(n)) * dt, path.T, motion[:2 * r].reshape(2, r).copy()
+
+
+def newmark_matrices(model: Model, speed: float, dt: float, beta: float, gamma: float) -> tuple[NDArray, ...]:
+    """Matrices of s_{n+1} = advance s_n + push f_{n+1} + load F_{n+1} for the motion s = (q, v, a), from one inverse.
+
+    q_{n+1} = q + Δt v + Δt² ((½ − β) a + β a_{n+1}), v_{n+1} = v + Δt ((1 − γ) a + γ a_{n+1}), and the equation of
+    motion at the new time. Returns (advance, push, load); push takes the pull at the generator, load a force on all
+    DOFs.
+    """
+    r, velocity = model.size, model.velocity_matrix(speed)
+    one, zero = np.eye(r), np.zeros((r, r))
+    coast_q = np.hstack([one, dt * one, (0.5 - beta) * dt**2 * one])  # what q and v become if the new a is 0
+    coast_v = np.hstack([zero, one, (1 - gamma) * dt * one])
+    answer = np.linalg.inv(model.M + gamma * dt * velocity + beta * dt**2 * model.K)
+    a = -answer @ (velocity @ coast_v + model.K @ coast_q)
+    advance = np.vstack([coast_q + beta * dt**2 * a, coast_v + gamma * dt * a, a])
+    load = np.vstack([beta * dt**2 * answer, gamma * dt * answer, answer])
+    return advance, load @ model.selection.T, load
+
+
+@dataclass(frozen=True)
+class RungeKutta:
+    """SciPy's adaptive DOP853 (Hairer, Nørsett and Wanner 1993), eighth order, error-controlled."""
+
+    rtol: float = 1e-9
+    atol: float = 1e-13
+    steps_per_revolution: int = 128  # output points; the steps themselves are chosen by the method
+
+    def __post_init__(self) -> None:
+        _check_steps(self.steps_per_revolution)
+        if not (0 < self.rtol < 1 and self.atol > 0):
+            raise BadInput(f"rtol is {self.rtol}, atol is {self.atol}; both must be positive and rtol below 1.")
+
+    def run(self, task: Task, state: NDArray, start: float, revolutions: int) -> Iterator[Block]:
+        """Yield the motion, one revolution at a time."""
+        m, n = task.model, self.steps_per_revolution
+        r, period = m.size, 2 * math.pi / task.speed
+        inverse = np.linalg.inv(m.M)
+        constant = np.block([[np.zeros((r, r)), np.eye(r)],
+                             [-inverse @ m.K, -inverse @ m.velocity_matrix(task.speed)]])
+        load = np.vstack([np.zeros_like(m.selection.T), inverse @ m.selection.T])
+        shaken = np.zeros((2, 2 * r))
+        shaken[:, r:] = task.speed**2 * np.stack([inverse @ m.unbalance_sin, inverse @ m.unbalance_cos])
+        watch = m.selection
+        pull = explicit_pull(task)
+
+        def rate(t: float, s: NDArray) -> NDArray:
+            phase = task.speed * t
+            return (constant @ s + load @ pull(t, watch @ s[:r], watch @ s[r:])
+                    + math.sin(phase) * shaken[0] + math.cos(phase) * shaken[1])
+
+        def clearance(t: float, s: NDArray) -> float:
+            return float(m.law.smallest_gap(watch[:2] @ s[:r] - task.centre)) - 1e-6 * m.gap
+
+        clearance.terminal = True
+        for revolution in range(revolutions):
+            begin = start + revolution * period
+            times = begin + period * np.arange(1, n + 1) / n
+            if math.isfinite(m.gap) and clearance(begin, state.ravel()) <= 0:
+                yield times, np.full((2, n), np.nan), state
+                return
+            # The first step is given, because the guess that SciPy makes never ends where it meets the stator's nan.
+            found = solve_ivp(rate, (begin, times[-1]), state.ravel(), method="DOP853", t_eval=times, rtol=self.rtol,
+                              atol=self.atol, events=clearance if math.isfinite(m.gap) else None,
+                              first_step=period / 1024)
+            if found.status < 0:
+                raise NoConvergence(f"DOP853 stopped after {begin / period:.2f} revolutions: {found.message} "
+                                    "Raise rtol, or look at the motion before it.")
+            path = np.full((2, n), np.nan)  # nan from contact on
+            if len(found.t):
+                path[:, :len(found.t)] = watch[:2] @ found.y[:r]
+                state = found.y[:, -1].reshape(2, r)
+            yield times, path, state
+
+
+def _check_steps(steps: int) -> None:
+    whole("steps_per_revolution", steps, 8)
+
+
+Progress = Callable[[int, int], None]
+
+
+def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *, speed: float,
+              static_eccentricity: float = 0.0, revolutions: int = 1000, ramp: int = 0, modes: int | None = 12,
+              direction: float = math.pi / 2, start: PeriodicOrbit | Trajectory | None = None,
+              disturbance: tuple[float, float] = (0.0, 0.0), progress: Progress | None = None) -> Trajectory:
+    """Integrate the motion, by default from the steady state of the linear problem.
+
+    speed: rad/s. ramp: revolutions over which the field rises from 0 to its full value. modes: size of the modal
+    basis beside the static deflection under the pull; None integrates all DOFs. start: an orbit to begin on (at
+    phase 0), or a trajectory of the same model and basis to go on from. disturbance: a sideways displacement (x, z)
+    of the generator, m, added to the start in the shape of the static deflection. progress: called after each
+    revolution with (done, all), such as a bar of `hydrolab.progress`.
+    Ends early at contact, where a step has no solution, or at an interrupt (Ctrl-C); what was computed is kept and
+    `stopped` says what happened.
+    Raises BadInput for arguments outside what is allowed, among them a step beyond the stability limit.
+    """
+    require_model(model)
+    speed = turning(speed)
+    if not isinstance(method, CentralDifference | Newmark | RungeKutta):
+        raise BadInput(f"method is {method!r}; it must be a CentralDifference, a Newmark or a RungeKutta.")
+    revolutions = whole("revolutions", revolutions, 1)
+    period = 2 * math.pi / speed
+    begin = float(start.times[-1]) if isinstance(start, Trajectory) else 0.0
+    if not 0 <= ramp <= begin / period + revolutions:
+        raise BadInput(f"ramp is {ramp!r}; it must lie between 0 and the {revolutions} revolutions.")
+    centre = model.centre(number("static_eccentricity", static_eccentricity), direction)
+    small = model if modes is None else reduce(model, modes)
+    inertia = np.linalg.eigvalsh(small.M)
+    if not inertia[0] > len(inertia) * np.finfo(float).eps * inertia[-1]:
+        raise BadInput(f"{model.name} has a DOF without mass, which cannot be integrated in time; give the shaft a "
+                       "density above 0.")
+    task = Task(small, speed, centre, ramp * period)
+    state = _first_state(model, small, speed, start)
+    if any(disturbance):
+        generator = small.selection[:2]
+        static = np.linalg.solve(small.K, generator.T)
+        state = state + [static @ np.linalg.solve(generator @ static, disturbance), np.zeros(small.size)]
+
+    blocks: list[Block] = [(np.array([begin]), (small.selection[:2] @ state[0])[:, None], state)]
+    stopped, interrupted = None, False
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # a motion that grows without bound is said in words below
+            for block in method.run(task, state, begin, revolutions):
+                block, stopped = _up_to_the_end(task, block, blocks[-1])
+                blocks.append(block)
+                if stopped:
+                    break
+                if progress:
+                    progress(len(blocks) - 1, revolutions)
+    except KeyboardInterrupt:
+        interrupted = True
+        stopped = f"Interrupted after {len(blocks) - 1} of {revolutions} revolutions; these are kept."
+    except NoConvergence as failure:
+        stopped = str(failure)
+    finished = stopped is None
+    times, paths, states = zip(*blocks, strict=True)
+    return Trajectory(small, speed, float(static_eccentricity), centre, np.concatenate(times),
+                      np.concatenate(paths, axis=1), states[-1],
+                      stopped or f"It ran the {revolutions} revolutions asked for.", finished, method, interrupted)
+
+
+def _first_state(model: Model, small: Model, speed: float, start: PeriodicOrbit | Trajectory | None) -> NDArray:
+    """Displacement and velocity, (2, r), on the reduced basis."""
+    if isinstance(start, Trajectory):
+        if start.state.shape[1] != small.size:
+            raise BadInput(f"start has {start.state.shape[1]} DOFs, this basis {small.size}; use the same `modes`.")
+        if not np.isfinite(start.state).all():
+            raise BadInput(f"start cannot be gone on from. {start.stopped}")
+        return start.state
+    if start is None:
+        linear = condense(small.with_field(0.0), float(speed), 1, 8)
+        sine, cosine = -linear.shaft_linear[1].imag, linear.shaft_linear[1].real
+        return np.stack([cosine, speed * sine])
+    k = np.arange(1, start.harmonics + 1) / start.revolutions
+    shaft = start.shaft
+    q = shaft[:, 0] + shaft[:, 2::2].sum(axis=1)
+    v = shaft[:, 1::2] @ (k * speed)
+    if small is model:
+        return np.stack([q, v])
+    # Coordinates of the reduced basis by mass-weighted projection of the full displacement.
+    basis = np.linalg.lstsq(model.shaft_map, small.shaft_map, rcond=None)[0]
+    weight = basis.T @ model.M
+    return np.stack([np.linalg.solve(small.M, weight @ q), np.linalg.solve(small.M, weight @ v)])
+
+
+def _up_to_the_end(task: Task, block: Block, before: Block) -> tuple[Block, str | None]:
+    """The part of a block before contact, with the sentence that says so; the block and None if there is none."""
+    times, path, state = block
+    clear = task.model.law.smallest_gap(path - task.centre[:, None]) > 0  # false for nan
+    if clear.all():
+        return block, None
+    first = int(np.argmin(clear))
+    if not math.isfinite(task.model.gap):
+        revolutions = times[first] * task.speed / (2 * math.pi)
+        sentence = f"The motion grew beyond all numbers after {revolutions:.2f} revolutions."
+    else:
+        near = path[:, :first + 1] if np.isfinite(path[:, first]).all() else np.hstack([before[1], path[:, :first]])
+        angle = float(task.model.law.gap_angle(near[:, -1] - task.centre))
+        sentence = contact_sentence(times[first], task.speed, angle)
+    return (times[:first], path[:, :first], np.full_like(state, np.nan)), sentence

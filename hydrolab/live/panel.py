@@ -1,0 +1,293 @@
+"""The words of the 3D panel, as HTML: the big number with its reading, and the steps of a run sheet.
+
+The panel beside the 3D machine: one number and its reading for everyone, controls for those who may use them.
+
+Controls belong to one client (`client.gui`); what they set belongs to the scene, so the panels of several presenters
+follow each other. Callbacks are coroutines: viser runs them one after the other in its event loop, and the last move of
+a slider is the last that counts. They only set the scene's settings; the scene's own loop does the work.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any, Protocol
+
+from viser import ClientHandle, GuiEvent, ViserServer
+
+from hydrolab.live.gate import Pin, address_of
+from hydrolab.live.run_sheet import RunSheet, Step
+from hydrolab.live.server import is_loopback, stop_with_server
+from hydrolab.live.surroundings import ASPECT, fitted
+
+
+def big_number(smallest_gap: float, reading: str) -> str:
+    """The smallest gap (m, inf where there is none), large, and the reading, which a screen reader says when it changes."""
+    number = "" if not math.isfinite(smallest_gap) else (
+        f'<div style="font-size: 2.7em; font-weight: 600; line-height: 1.1">{1e3 * smallest_gap:.2f}'
+        '<span style="font-size: 0.5em"> mm</span></div><div style="opacity: 0.75">smallest gap</div>')
+    return (f'<div style="padding: 0.6em 0.9em 0.3em">{number}<div role="status" aria-live="polite" '
+            f'style="font-size: 0.85em; line-height: 1.45; margin-top: 0.5em">{escape(reading)}</div></div>')
+
+
+def room_words(step: Step) -> str:
+    """What the room reads of a step: its title and the question."""
+    return (f'<div style="padding: 0.2em 0.9em 0.6em; line-height: 1.4"><b>{escape(step.title)}</b>'
+            f"<div>{escape(step.ask)}</div></div>")
+
+
+def presenter_words(sheet: RunSheet, place: int) -> str:
+    """What the presenter reads of a step beside its question: where it is in the sheet, what to do, what is to be seen."""
+    step = sheet.steps[place]
+    before = sum(earlier.minutes for earlier in sheet.steps[:place])
+    rows = "".join(f'<div style="margin-top: 0.5em"><b>{name}</b> {escape(text)}</div>'
+                   for name, text in (("Do", step.cue), ("See", step.see)))
+    where = (f"{escape(sheet.title)}: step {place + 1} of {len(sheet.steps)}, "
+             f"minute {before:g} to {before + step.minutes:g} of {sheet.minutes:g}")
+    return f'<div style="padding: 0.2em 0.9em 0.5em; font-size: 0.9em; line-height: 1.4">{where}{rows}</div>'
+
+
+PERIOD = 0.1  # s between looks at what the scene shows
+STEP = 1 / 12  # of a revolution, for the step button
+
+Point = tuple[float, float, float]
+
+
+class Scene(Protocol):
+    """What the panel needs of a scene.
+
+    settings: frozen, with the attributes that the controls set. limits: of each number among them. views: camera position
+    and the point it looks at. legs: those that the machine can be on now, from 0. smallest_gap: m,
+    inf where there is no gap.
+    """
+
+    settings: Any
+    limits: Mapping[str, tuple[float, float]]
+    views: Mapping[str, tuple[Point, Point]]
+    legs: tuple[int, ...]
+    reading: str
+    smallest_gap: float
+
+    def change(self, **settings: Any) -> None:
+        """Set settings, clamped to their limits, without waiting for what follows from them."""
+
+    def step(self, revolutions: float) -> None:
+        """Turn the machine on by so much."""
+
+
+@dataclass(frozen=True)
+class Slider:
+    """A slider: the setting it moves, its label, how many of its units are one of the scene's, its step, its hint."""
+
+    name: str
+    label: str
+    units: float
+    step: float
+    hint: str
+
+
+MACHINE = (
+    Slider("static_eccentricity", "static eccentricity, %", 100.0, 0.05, "how far the stator is off centre, % of the gap"),
+    Slider("field", "field, % of the card's", 100.0, 0.5, "the magnetic field in the gap"),
+    Slider("unbalance", "unbalance, % of the card's", 100.0, 1.0, "the unbalance of every body"),
+)
+PICTURE = (
+    Slider("exaggeration", "displacements drawn ×", 1.0, 1.0, "one factor for displacements and for the gap"),
+    Slider("slow_motion", "slow motion ÷", 1.0, 1.0, "how many times slower than the machine"),
+)
+
+
+def orbit_label(leg: int) -> str:
+    """How people count legs: from 1."""
+    return str(leg + 1)
+
+
+def orbit_labels(scene: Scene) -> tuple[str, ...]:
+    """The orbits to choose from: those the machine can be in, and the one that is shown."""
+    return tuple(map(orbit_label, sorted({*scene.legs, scene.settings.leg})))
+
+
+def aspect_of(client: ClientHandle) -> float:
+    """Width over height of a client's picture; as the views are made for where it has none, hidden for instance."""
+    width, height = client.camera.image_width, client.camera.image_height
+    return max(width / height, 0.3) if width > 0 and height > 0 else ASPECT
+
+
+@dataclass(eq=False)
+class Panel:
+    """The controls of one client, and what to call so that they show what the scene shows."""
+
+    client: ClientHandle
+    follow: list[Callable[[], None]] = field(default_factory=list)
+
+
+class Controls:
+    """The panels of all clients of a server, for one scene.
+
+    pin: without one, every client on this computer has controls; with one, who gave it. sheet: a run sheet whose steps
+    a presenter can call up.
+    """
+
+    def __init__(self, server: ViserServer, scene: Scene, pin: Pin | None = None, sheet: RunSheet | None = None) -> None:
+        self.server, self.scene, self.pin, self.sheet = server, scene, pin, sheet
+        self.panels: dict[int, Panel] = {}
+        self.place = 0  # the step of the run sheet that is shown
+        self.big = server.gui.add_html("", order=0)
+        self.asked = server.gui.add_html("", order=1)
+        self.go_to(0)
+        server.on_client_connect(self.welcome)
+        server.on_client_disconnect(self.forget)
+        follower = asyncio.run_coroutine_threadsafe(self._follow(), server.get_event_loop())
+        stop_with_server(follower.cancel)
+
+    async def welcome(self, client: ClientHandle) -> None:
+        """Give a new client its views, and its controls or the field for the PIN."""
+        if aspect_of(client) < ASPECT:
+            self.look(client, self.scene.settings.view)
+        with client.atomic():
+            self._add_views(client)
+            if self.pin is not None:
+                self._add_pin_field(client, self.pin)
+            elif is_loopback(address_of(client)):
+                self.add_controls(client)
+
+    async def forget(self, client: ClientHandle) -> None:
+        """Drop the panel of a client that has gone."""
+        self.panels.pop(client.client_id, None)
+
+    async def _follow(self) -> None:
+        """Keep every panel at what the scene shows; runs in the event loop, between callbacks and never during one."""
+        seen, said = None, ""
+        while True:
+            now = self.scene.settings, self.scene.legs, self.place
+            if now != seen:
+                seen = now
+                for panel in list(self.panels.values()):
+                    for follow in panel.follow:
+                        follow()
+            if (words := big_number(self.scene.smallest_gap, self.scene.reading)) != said:
+                self.big.content = said = words
+            await asyncio.sleep(PERIOD)
+
+    def go_to(self, place: int) -> None:
+        """Show a step of the run sheet, or the nearest that there is: its settings for all, its question for the room."""
+        if self.sheet is None:
+            return
+        self.place = min(max(place, 0), len(self.sheet.steps) - 1)
+        step = self.sheet.steps[self.place]
+        self.scene.change(**step.settings)
+        self.asked.content = room_words(step)
+
+    def look(self, client: ClientHandle, view: str) -> None:
+        """Move the camera of one client, and nobody else's, to where its window shows the whole view."""
+        position, target = fitted(self.scene.views[view], aspect_of(client))
+        with client.atomic():
+            client.camera.up_direction = (0.0, 0.0, 1.0)
+            client.camera.position = position
+            client.camera.look_at = target
+
+    def _add_views(self, client: ClientHandle) -> None:
+        buttons = client.gui.add_button_group("view", tuple(self.scene.views), order=2)
+
+        @buttons.on_click
+        async def look(event: GuiEvent) -> None:
+            self.look(client, buttons.value)
+
+    def _add_pin_field(self, client: ClientHandle, pin: Pin) -> None:
+        folder = client.gui.add_folder("for the presenter", expand_by_default=False, order=9)
+        with folder:
+            guess = client.gui.add_text("PIN", "", hint="six digits, in the terminal where the server runs")
+            button = client.gui.add_button("take the controls")
+
+        @button.on_click
+        async def ask(event: GuiEvent) -> None:
+            answer = pin.check(guess.value, address_of(client))
+            if answer:
+                guess.value = ""
+                client.add_notification("No controls", answer, auto_close_seconds=6.0, color="orange")
+            elif client.client_id not in self.panels:
+                folder.remove()
+                self.add_controls(client)
+
+    def add_controls(self, client: ClientHandle) -> None:
+        """Give a client the controls, and the run sheet where there is one."""
+        panel = self.panels[client.client_id] = Panel(client)
+        gui = client.gui
+        if self.sheet:
+            with gui.add_folder("run sheet", order=3):
+                self._add_sheet(panel, self.sheet)
+        with gui.add_folder("machine", order=4):
+            for slider in MACHINE:
+                self._add_slider(panel, slider)
+            self._add_orbits(panel)
+        with gui.add_folder("picture", order=5):
+            for slider in PICTURE:
+                self._add_slider(panel, slider)
+            self._bind(panel, gui.add_checkbox("play", self.scene.settings.playing), "playing")
+            step = gui.add_button("step", hint="stop, and go on by a twelfth of a revolution")
+            for name in ("names", "dark"):
+                self._bind(panel, gui.add_checkbox(name, getattr(self.scene.settings, name)), name)
+
+        @step.on_click
+        async def one_step(event: GuiEvent) -> None:
+            self.scene.change(playing=False)
+            self.scene.step(STEP)
+
+    def _add_slider(self, panel: Panel, slider: Slider) -> None:
+        low, high = (round(slider.units * bound, 6) for bound in self.scene.limits[slider.name])
+        value = min(max(round(slider.units * getattr(self.scene.settings, slider.name), 6), low), high)
+        handle = panel.client.gui.add_slider(slider.label, low, high, slider.step, value, hint=slider.hint)
+        self._bind(panel, handle, slider.name, slider.units)
+
+    def _bind(self, panel: Panel, handle: Any, name: str, units: float | None = None) -> None:
+        """Let a control set a setting, and show the setting when something else has set it."""
+
+        @handle.on_update
+        async def moved(event: GuiEvent) -> None:
+            if event.client is not None:  # a person moved it, not `follow`
+                self.scene.change(**{name: handle.value / units if units else handle.value})
+
+        def follow() -> None:
+            value = getattr(self.scene.settings, name)
+            if not units:
+                handle.value = value
+            elif abs(handle.value / units - value) > 1e-9:
+                handle.value = round(value * units, 6)
+
+        panel.follow.append(follow)
+
+    def _add_orbits(self, panel: Panel) -> None:
+        """A choice of orbit, seen where the machine can be in more than one."""
+        labels = orbit_labels(self.scene)
+        handle = panel.client.gui.add_dropdown("orbit", labels, hint="which it is on depends on the machine's past")
+
+        @handle.on_update
+        async def chosen(event: GuiEvent) -> None:
+            if event.client is not None:
+                self.scene.change(leg=int(handle.value) - 1)
+
+        def follow() -> None:
+            labels = orbit_labels(self.scene)
+            if tuple(handle.options) != labels:
+                handle.options = labels
+            handle.value = orbit_label(self.scene.settings.leg)
+            if handle.visible != (len(labels) > 1):
+                handle.visible = len(labels) > 1
+
+        follow()
+        panel.follow.append(follow)
+
+    def _add_sheet(self, panel: Panel, sheet: RunSheet) -> None:
+        gui = panel.client.gui
+        turn = gui.add_button_group("go to", ("back", "again", "next"))
+        words = gui.add_html(presenter_words(sheet, self.place))
+
+        @turn.on_click
+        async def turned(event: GuiEvent) -> None:
+            self.go_to(self.place + {"back": -1, "again": 0, "next": 1}[turn.value])
+            self.look(panel.client, sheet.steps[self.place].camera)
+
+        panel.follow.append(lambda: setattr(words, "content", presenter_words(sheet, self.place)))

@@ -1,0 +1,327 @@
+r"""A guide bearing of separate pads with clearance: a pad pushes where the journal has crossed its clearance.
+
+F = −k Σ_j p(n_j · u − c) n_j over pads in the directions n_j, with p(d) = d for d > 0 and 0 otherwise. The corner is
+rounded over a distance b, p(d) = (d + √(d² + b²))/2, as surfaces that meet are rounded, so that Newton's method has a
+derivative. It has a potential, so it neither damps nor drives. The set-up of guide bearings with radial pads is
+described by Gustavsson and Aidanpää (2006) and in ISO 20816-5; this law of dry, frictionless pads is the simplest of it.
+
+A short journal film with cavitation (the π-film), in closed form.
+
+In a bearing much shorter than its diameter oil flows along the axis only (Dubois and Ocvirk 1953). The Reynolds
+equation then integrates to F = −C ∫ (w·n) n / (1 − x·n)³ dφ with C = µ R L³/c³, x = u/c, n = (sin φ, cos φ) and
+w = u̇ + (Ω/2)(−z, x): the velocity of the journal seen from axes that turn at half the speed. Oil bears no tension, so
+only the half of the circumference with w·n > 0 counts. Everything follows from one integral over that half,
+
+G(p, q) = ∫ dθ / (1 − p cos θ − q sin θ) = (2/r) A,  A = π/2 + arctan(p/r),  r² = 1 − p² − q²,  |θ| < π/2,
+
+with p and q the parts of x along w and a quarter turn on: F = −(C/2) ∂²G/∂x² w. The same force is given in other
+letters by Capone (1991); Adiletta, Guido and Rossi (1996) print it.
+
+Linear supports of a shaft, and the damping of the whole machine: frozen, validated on construction, in SI units.
+
+Parts that act nonlinearly on their own coordinates: a bearing of pads, a journal film, a cracked shaft element.
+
+Frozen and validated like the other parts, in SI units; `attach` makes force laws of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydrolab.errors import BadInput
+from hydrolab.machine.crack import BreathingCrack, crack_flexibility, stiffness_loss
+from hydrolab.machine.quantities import bearing_matrix, nickname, number, shown, whole
+
+
+@dataclass(frozen=True)
+class Pads:
+    """Force of `count` equal pads at equal angles on a journal at u = (x, z).
+
+    stiffness: of one pad, N/m. clearance: of each, m; negative is a preload. angle: gap angle of the first pad, rad.
+    rounding: b, m. reference: stiffness of the linear bearing in the model's matrix, N/m, which this law takes back.
+    """
+
+    moving: ClassVar[bool] = False
+    stiffness: float
+    clearance: float
+    count: int
+    angle: float
+    rounding: float
+    reference: float = 0.0
+
+    @property
+    def directions(self) -> NDArray:
+        """Unit vectors (x, z) towards the pads, (2, count)."""
+        angle = self.angle + 2 * np.pi * np.arange(self.count) / self.count
+        return np.stack([np.sin(angle), np.cos(angle)])
+
+    @property
+    def closed_stiffness(self) -> float:
+        """Stiffness of the bearing in any direction while every pad pushes, N/m."""
+        return self.count * self.stiffness / 2
+
+    def _pressed(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Directions (2, count); how far the journal is beyond each clearance, and the rounded hypotenuse, (…, count)."""
+        n = self.directions
+        beyond = np.tensordot(u, n, axes=(0, 0)) - self.clearance
+        return n, beyond, np.hypot(beyond, self.rounding)
+
+    def force(self, u: NDArray) -> NDArray:
+        """Force on the journal, N; shape of u."""
+        n, d, h = self._pressed(u)
+        return self.reference * u - self.stiffness / 2 * np.einsum("ij,...j->i...", n, d + h)
+
+    def linearise(self, u: NDArray) -> tuple[NDArray, NDArray]:
+        """Force, N, and its derivative, N/m."""
+        n, d, h = self._pressed(u)
+        slope = -self.stiffness / 2 * np.einsum("ik,jk,...k->ij...", n, n, 1 + d / h)
+        slope[[0, 1], [0, 1]] += self.reference
+        return self.reference * u - self.stiffness / 2 * np.einsum("ij,...j->i...", n, d + h), slope
+
+    def potential(self, u: NDArray) -> NDArray:
+        """V, J, with F = −∂V/∂u; shape of u without its first axis."""
+        _, d, h = self._pressed(u)
+        pressed = (d * d + d * h + self.rounding**2 * np.arcsinh(d / self.rounding)) / 4
+        return self.stiffness * pressed.sum(axis=-1) - self.reference / 2 * (u * u).sum(axis=0)
+
+    def scaled(self, factor: float) -> Pads:
+        """The same law: a bearing does not change with the field."""
+        return self
+
+
+@dataclass(frozen=True)
+class ShortFilm:
+    """Force of a cavitated short film on a journal at u = (x, z) that moves with u̇, at a speed Ω.
+
+    damping: C = µ R L³/c³, N s/m. clearance: radial, c, m; outside it the force is nan.
+    reference: stiffness of the linear bearing in the model's matrix, N/m, which this law takes back.
+    """
+
+    moving: ClassVar[bool] = True
+    damping: float
+    clearance: float
+    reference: float = 0.0
+
+    def _squeeze(self, u: NDArray, velocity: NDArray, speed: float) -> tuple[NDArray, ...]:
+        """|w|, its direction m and the quarter turn of it, and the parts p, q of u/c along them."""
+        wx, wz = velocity[0] - speed / 2 * u[1], velocity[1] + speed / 2 * u[0]
+        size = np.hypot(wx, wz)
+        safe = np.where(size > 0, size, 1.0)
+        m = np.stack([np.where(size > 0, wx / safe, 0.0), np.where(size > 0, wz / safe, 1.0)])
+        turned = np.stack([m[1], -m[0]])
+        return size, m, turned, (u * m).sum(axis=0) / self.clearance, (u * turned).sum(axis=0) / self.clearance
+
+    def force_at(self, u: NDArray, velocity: NDArray, phase: NDArray | float, speed: float) -> NDArray:
+        """Force on the journal, N; shape of u. velocity: m/s. speed: rad/s. The phase does not matter."""
+        size, m, turned, p, q = self._squeeze(u, velocity, speed)
+        pp, pq, _ = second_derivatives(p, q)
+        return self.reference * u - self.damping / 2 * size * (pp * m + pq * turned)
+
+    def linearise_at(self, u: NDArray, velocity: NDArray, phase: NDArray | float,
+                     speed: float) -> tuple[NDArray, NDArray, NDArray]:
+        """Force, N, and its derivatives with respect to u, N/m, and to the velocity, N s/m."""
+        size, m, turned, p, q = self._squeeze(u, velocity, speed)
+        pp, pq, qq = second_derivatives(p, q)
+        force = self.reference * u - self.damping / 2 * size * (pp * m + pq * turned)
+
+        def turned_back(a: NDArray, b: NDArray, c: NDArray) -> NDArray:
+            """The symmetric tensor a mm + b (mt + tm) + c tt in (x, z)."""
+            return (a * m[:, None] * m + b * (m[:, None] * turned + turned[:, None] * m)
+                    + c * turned[:, None] * turned)
+
+        by_velocity = -self.damping / 2 * turned_back(pp, pq, qq)
+        by_place = -self.damping / (2 * self.clearance) * size * turned_back(*third_derivatives(p, q))
+        # w = u̇ + (Ω/2)(−z, x), so u also acts through w
+        by_place[:, 0] += speed / 2 * by_velocity[:, 1]
+        by_place[:, 1] -= speed / 2 * by_velocity[:, 0]
+        by_place[[0, 1], [0, 1]] += self.reference
+        return force, by_place, by_velocity
+
+    def scaled(self, factor: float) -> ShortFilm:
+        """The same law: a film does not change with the field."""
+        return self
+
+
+def _parts(p: NDArray, q: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """1/r, A and B = 1/(1 − q²); nan outside the clearance."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        s = 1 / np.sqrt(1 - p * p - q * q)
+        return s, np.pi / 2 + np.arctan(p * s), 1 / (1 - q * q)
+
+
+def second_derivatives(p: NDArray, q: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """G_pp, G_pq, G_qq: twice the integrals of (cos², cos sin, sin²)/(1 − p cos θ − q sin θ)³ over the half."""
+    s, A, B = _parts(p, q)
+    pp = 2 * (3 * p * s**4 + A * (s**3 + 3 * p * p * s**5))
+    pq = 2 * (q * (p * p * B + 2) * s**4 + 3 * A * p * q * s**5)
+    qq = 2 * (A * (s**3 + 3 * q * q * s**5) + 3 * p * q * q * B * s**4 + p * B * (1 + 2 * q * q * B) * s**2)
+    return pp, pq, qq
+
+
+def third_derivatives(p: NDArray, q: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """G_ppp, G_ppq, G_pqq: six times the integrals of (cos³, cos² sin, cos sin²)/(1 − p cos θ − q sin θ)⁴."""
+    s, A, B = _parts(p, q)
+    ppp = 2 * (4 * s**4 + 15 * p * p * s**6 + A * (9 * p * s**5 + 15 * p**3 * s**7))
+    ppq = 2 * (12 * p * q * s**6 + p * q * B * (s**4 + 3 * p * p * s**6) + A * (3 * q * s**5 + 15 * p * p * q * s**7))
+    pqq = 2 * ((p * p * B + 2) * s**4 + 2 * (p * q * B) ** 2 * s**4 + 4 * q * q * (p * p * B + 2) * s**6
+               + 3 * B * (p * q) ** 2 * s**6 + A * (3 * p * s**5 + 15 * p * q * q * s**7))
+    return ppp, ppq, pqq
+
+
+@dataclass(frozen=True, eq=False)
+class RadialBearing:
+    """A linear radial bearing: force on the rotor −stiffness·u − damping·u̇ with u = (x, z).
+
+    stiffness (N/m) and damping (N s/m): one number (isotropic), two ([x, z]) or 2 × 2.
+    """
+
+    name: str
+    node: int
+    stiffness: NDArray
+    damping: NDArray | float = 0.0
+
+    def __post_init__(self) -> None:
+        key = f"bearings.{nickname('the name of a bearing', self.name)}"
+        object.__setattr__(self, "stiffness", bearing_matrix(f"{key}.stiffness", self.stiffness, "N/m"))
+        object.__setattr__(self, "damping", bearing_matrix(f"{key}.damping", self.damping, "N s/m"))
+
+
+@dataclass(frozen=True)
+class ThrustBearing:
+    """A thrust bearing seen by the lateral motion: an angular spring, N m/rad, at one node."""
+
+    name: str
+    node: int
+    tilt_stiffness: float
+
+    def __post_init__(self) -> None:
+        key = f"bearings.{nickname('the name of a bearing', self.name)}.tilt_stiffness"
+        object.__setattr__(self, "tilt_stiffness", number(key, self.tilt_stiffness, least=0, unit="N m/rad"))
+
+
+@dataclass(frozen=True)
+class RayleighDamping:
+    """C = αM + βK with the given damping ratios in the first and the second distinct mode at rest."""
+
+    ratio: tuple[float, float]
+
+    def __post_init__(self) -> None:
+        one = not np.iterable(self.ratio) or isinstance(self.ratio, (str, Mapping))
+        ratios = (self.ratio,) * 2 if one else self.ratio
+        checked = tuple(number("damping.ratio", r, least=0, below=1) for r in ratios)
+        if len(checked) != 2:
+            raise BadInput(f"damping.ratio has {len(checked)} entries; give one ratio or two.")
+        object.__setattr__(self, "ratio", checked)
+
+
+DEEPEST = 0.45  # of the diameter; the strips of the flexibility's integral end in the middle of the section
+BREATHING = ("hinge", "open")
+STIFF = 5  # so that the linear answer, from which a solver starts, lies within the clearance
+
+
+@dataclass(frozen=True)
+class PadBearing:
+    """A guide bearing of separate pads with clearance (`Pads`): dry contact, no friction.
+
+    pads: how many, at equal angles. pad_stiffness: of each, N/m. clearance: between each and the resting journal, m;
+    negative is a preload. angle: gap angle of the first pad, rad. rounding: distance over which contact begins softly,
+    m; 0 stands for a tenth of the clearance, or of a millimetre where there is no clearance.
+    """
+
+    name: str
+    node: int
+    pads: int
+    pad_stiffness: float
+    clearance: float
+    angle: float = 0.0
+    rounding: float = 0.0
+
+    def __post_init__(self) -> None:
+        key = f"bearings.{nickname('the name of a bearing', self.name)}"
+        put = object.__setattr__
+        put(self, "pads", whole(f"{key}.pads", self.pads, 3, 64, "with fewer than 3 the journal can slip out between"))
+        put(self, "pad_stiffness", number(f"{key}.pad_stiffness", self.pad_stiffness, above=0, unit="N/m"))
+        put(self, "clearance", number(f"{key}.clearance", self.clearance, unit="m"))
+        put(self, "angle", number(f"{key}.angle", self.angle, unit="rad"))
+        put(self, "rounding", number(f"{key}.rounding", self.rounding, least=0, unit="m"))
+
+    def law(self) -> Pads:
+        """The bearing's law, which takes back the linear bearing of its closed stiffness in the model's matrix."""
+        rounding = self.rounding or 0.1 * (abs(self.clearance) or 1e-3)
+        closed = self.pads * self.pad_stiffness / 2
+        return Pads(self.pad_stiffness, self.clearance, self.pads, self.angle, rounding, closed)
+
+
+@dataclass(frozen=True)
+class JournalFilm:
+    """A short journal bearing with a cavitated oil film (`ShortFilm`).
+
+    viscosity: µ, Pa s. journal_radius: R, m. film_length: L along the axis, m. clearance: radial, m.
+    """
+
+    name: str
+    node: int
+    viscosity: float
+    journal_radius: float
+    film_length: float
+    clearance: float
+
+    def __post_init__(self) -> None:
+        key = f"bearings.{nickname('the name of a bearing', self.name)}"
+        put = object.__setattr__
+        put(self, "viscosity", number(f"{key}.viscosity", self.viscosity, above=0, unit="Pa s"))
+        for name in ("journal_radius", "film_length", "clearance"):
+            put(self, name, number(f"{key}.{name}", getattr(self, name), above=0, unit="m"))
+        if self.clearance > 0.1 * self.journal_radius:
+            raise BadInput(f"{key}.clearance is {self.clearance:g} m; a film is thin, so it must be at most a tenth of "
+                           f"{key}.journal_radius, {self.journal_radius:g} m.")
+        if self.film_length > 2 * self.journal_radius:
+            raise BadInput(f"{key}.film_length is {self.film_length:g} m; the short film holds for bearings no longer "
+                           f"than their diameter, {2 * self.journal_radius:g} m.")
+
+    def law(self, speed: float) -> ShortFilm:
+        """The film's law; the reference it takes back is STIFF times its cross stiffness in the middle at this speed."""
+        damping = self.viscosity * self.journal_radius * (self.film_length / self.clearance) ** 3
+        return ShortFilm(damping, self.clearance, STIFF * math.pi / 4 * damping * speed)
+
+
+@dataclass(frozen=True)
+class Crack:
+    """A transverse crack in the middle of a shaft element (`BreathingCrack`).
+
+    element: counted from the shaft top, from 0. depth: of the crack at its deepest, over the diameter.
+    phase: angle of the crack from the direction of an unbalance of phase 0, rad, with the spin.
+    breathing: "hinge" opens and closes with the bending, "open" is a slot. rounding_angle: the angle between the
+    element's ends over which it opens, rad.
+    """
+
+    name: str
+    element: int
+    depth: float
+    phase: float = 0.0
+    breathing: str = "hinge"
+    rounding_angle: float = 1e-7
+
+    def __post_init__(self) -> None:
+        key = f"cracks.{nickname('the name of a crack', self.name)}"
+        put = object.__setattr__
+        put(self, "element", whole(f"{key}.element", self.element, 0, 10_000, "elements are counted from 0 at the top"))
+        put(self, "depth", number(f"{key}.depth", self.depth, least=0))
+        if self.depth > DEEPEST:
+            raise BadInput(f"{key}.depth is {self.depth:g}; the flexibility is known up to {DEEPEST:g} of the diameter.")
+        put(self, "phase", number(f"{key}.phase", self.phase, unit="rad"))
+        put(self, "rounding_angle", number(f"{key}.rounding_angle", self.rounding_angle, above=0, unit="rad"))
+        if self.breathing not in BREATHING:
+            raise BadInput(f"{key}.breathing is {shown(self.breathing)}; it must be one of {', '.join(BREATHING)}.")
+
+    def law(self, young: float, poisson: float, diameter: float, rigidity: float, length: float) -> BreathingCrack:
+        """The crack's law in an element of a solid round shaft. rigidity: EI, N m². length: of the element, m."""
+        flexibility = crack_flexibility(self.depth, young, poisson, diameter / 2)
+        return BreathingCrack(stiffness_loss(rigidity, length, flexibility), self.phase, self.rounding_angle,
+                              self.breathing == "hinge")

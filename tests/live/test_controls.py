@@ -1,0 +1,338 @@
+"""The panel: who has controls, what they set, and that nobody without the PIN sets anything."""
+
+import dataclasses
+import math
+import threading
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from hydrolab.live.gate import FIRST_WAIT, GUESSES, Pin, new_digits
+from hydrolab.live.panel import Controls, big_number, presenter_words, room_words
+from hydrolab.live.run_sheet import RunSheet, Step
+from hydrolab.live.server import open_server
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    static_eccentricity: float = 0.0
+    leg: int = 0
+    field: float = 1.0
+    unbalance: float = 1.0
+    exaggeration: float = 100.0
+    slow_motion: float = 20.0
+    playing: bool = True
+    names: bool = True
+    dark: bool = False
+    view: str = "whole machine"
+
+
+class Stage:
+    """A scene that draws nothing: it keeps its settings as the real one does, and every call."""
+
+    limits: ClassVar = {"static_eccentricity": (0.0, 0.11), "field": (0.8, 1.1), "unbalance": (0.0, 2.0),
+                        "exaggeration": (1.0, 300.0), "slow_motion": (1.0, 200.0)}
+    views: ClassVar = {"whole machine": ((9.0, 9.0, 3.0), (0.0, 0.0, -4.0)), "generator": ((5.0, 5.0, 2.0), (0.0, 0.0, 0.0)),
+                       "from above": ((0.1, 0.0, 12.0), (0.0, 0.0, 0.0))}
+    smallest_gap = 7.844e-3
+
+    def __init__(self):
+        self.settings, self.calls, self.lock = Settings(), [], threading.Lock()
+
+    @property
+    def legs(self):
+        return (0, 2) if 0.0812 <= self.settings.static_eccentricity <= 0.08925 else (0,)
+
+    @property
+    def reading(self):
+        return f"At {100 * self.settings.static_eccentricity:.2f} % the smallest gap is < 8 mm."
+
+    def change(self, **settings):
+        for name, value in settings.items():
+            assert type(value) is type(getattr(self.settings, name)), f"{name} is {value!r}"
+            if name in self.limits:
+                assert self.limits[name][0] <= value <= self.limits[name][1]
+        with self.lock:
+            self.calls.append(settings)
+            self.settings = dataclasses.replace(self.settings, **settings)
+
+    def step(self, revolutions):
+        self.calls.append(revolutions)
+
+
+STATE = {"eccentricity": 8.8, "orbit": 1, "field": 1.0, "unbalance": 1.0, "playing": True}
+SHEET = RunSheet("A short one", 3, "kaplan-150rpm", (
+    Step("First", 1, "generator", STATE | {"eccentricity": 0.0}, "do 1", "see 1", "why 1?", {}),
+    Step("Second", 1, "from above", STATE, "do 2", "see 2", "why 2?", {}),
+    Step("Third", 1, "generator", STATE | {"orbit": 3}, "do 3", "see <3>", "why 3?", {})))
+SLIDERS = {"static eccentricity, %": ("static_eccentricity", 8.8, 0.088), "field, % of the card's": ("field", 95.0, 0.95),
+           "unbalance, % of the card's": ("unbalance", 50.0, 0.5), "displacements drawn ×": ("exaggeration", 70.0, 70.0),
+           "slow motion ÷": ("slow_motion", 40.0, 40.0)}
+SWITCHES = {"play": ("playing", False), "names": ("names", False), "dark": ("dark", True)}
+
+
+@pytest.fixture
+def stage():
+    """A local server with a panel; `.port`, `.scene`, `.controls`."""
+    return staged()
+
+
+def staged(**options):
+    scene, server = Stage(), open_server(port=0)
+    controls = Controls(server, scene, **options)
+    return type("Staged", (), {"port": server.get_port(), "scene": scene, "controls": controls, "server": server})
+
+
+def value_heard(client, uuid):
+    """The last value this client was told for a control."""
+    told = [m["updates"]["value"] for m in list(client.heard)
+            if m["type"] == "GuiUpdateMessage" and m["uuid"] == uuid and "value" in m["updates"]]
+    return told[-1] if told else None
+
+
+def options_heard(client, uuid):
+    """The choices this client was last told of for a control, after those it began with."""
+    told = [m["updates"]["options"] for m in list(client.heard)
+            if m["type"] == "GuiUpdateMessage" and m["uuid"] == uuid and "options" in m["updates"]]
+    return told[-1] if told else ()
+
+
+def test_every_control_sets_its_setting(stage, raw):
+    client = raw(stage.port)
+    for label, (name, shown, value) in SLIDERS.items():
+        client.set(client.control(label), shown)
+        client.wait(lambda _, n=name, v=value: getattr(stage.scene.settings, n) == pytest.approx(v, abs=1e-12))
+    for label, (name, value) in SWITCHES.items():
+        client.set(client.control(label), value)
+        client.wait(lambda _, n=name, v=value: getattr(stage.scene.settings, n) is v)
+    orbit = client.control("orbit")
+    client.wait(lambda me: "3" in options_heard(me, orbit))
+    client.set(orbit, "3")
+    client.wait(lambda _: stage.scene.settings.leg == 2)
+    client.set(client.control("step"), True)
+    client.wait(lambda _: stage.scene.calls[-1] == pytest.approx(1 / 12))
+    assert stage.scene.calls[-2] == {"playing": False}
+
+
+def test_nothing_out_of_range_reaches_the_scene(stage, raw):
+    client = raw(stage.port)
+    for label in [*SLIDERS, *SWITCHES, "orbit"]:
+        for value in (99999, -5, float("nan"), "7", None, [1], {"x": 1}, 2**63):
+            client.set(client.control(label), value)
+    client.set(client.control("orbit"), "3")  # no such orbit at 0 %
+    client.set(client.control("slow motion ÷"), 30)
+    client.wait(lambda _: stage.scene.settings.slow_motion == 30)
+    assert stage.scene.settings == Settings(slow_motion=30.0)
+    assert client.closed is None
+
+
+def test_a_fast_drag_ends_on_the_last_value(stage, raw):
+    client = raw(stage.port)
+    slider = client.control("static eccentricity, %")
+    for i in range(1, 301):
+        client.set(slider, round(i * 0.03, 2))
+    client.wait(lambda _: stage.scene.settings.static_eccentricity == pytest.approx(0.09))
+    moved = [call["static_eccentricity"] for call in stage.scene.calls if "static_eccentricity" in call]
+    assert moved == sorted(moved)
+    client.wait(lambda me: "At 9.00 %" in html_shown(me))  # the panel has followed the scene, for all to read
+    client.set(client.control("slow motion ÷"), 30)
+    client.wait(lambda _: stage.scene.settings.slow_motion == 30)
+    assert stage.scene.settings.static_eccentricity == pytest.approx(0.09)
+
+
+def test_two_panels_follow_each_other_and_the_scene(stage, raw):
+    one, two = raw(stage.port), raw(stage.port)
+    label = "static eccentricity, %"
+    theirs = two.control(label)
+    one.set(one.control(label), 8.8)
+    two.wait(lambda me: value_heard(me, theirs) == pytest.approx(8.8))
+    orbit = two.control("orbit")
+    two.wait(lambda me: list(options_heard(me, orbit)) == ["1", "3"])
+    stage.scene.change(static_eccentricity=0.05, names=False)
+    one.wait(lambda me: value_heard(me, me.control(label)) == pytest.approx(5.0))
+    two.wait(lambda me: value_heard(me, me.control("names")) is False)
+    slow = two.control("slow motion ÷")
+    one.set(one.control("slow motion ÷"), 40)
+    two.wait(lambda me: value_heard(me, slow) == 40)
+    assert stage.scene.calls == [{"static_eccentricity": pytest.approx(0.088)},  # following sets nothing
+                                 {"static_eccentricity": 0.05, "names": False}, {"slow_motion": 40}]
+
+
+def test_a_view_moves_only_the_camera_of_the_one_who_clicked(stage, raw):
+    one, two = raw(stage.port), raw(stage.port)
+    names = two.control("names")
+    one.set(one.control("view"), "generator")
+    moved = one.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraPositionMessage"])
+    assert list(moved[-1]["position"]) == [5.0, 5.0, 2.0]
+    one.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraLookAtMessage" and not any(m["look_at"])])
+    stage.scene.change(names=False)
+    two.wait(lambda me: value_heard(me, names) is False)  # so it has heard all that came before
+    assert not [m for m in two.heard if m["type"].startswith("SetCamera")]
+    assert stage.scene.calls == [{"names": False}]
+
+
+@pytest.mark.parametrize(("width", "height", "away"), [(640, 400, None), (1600, 400, None), (400, 800, 2.6), (800, 800, 1.3),
+                                                      (0, 0, None), (800, 0, None), (-4, 3, None), (1, 10**9, 1.3 / 0.3)])
+def test_a_narrow_window_sees_the_whole_view_from_further_away(stage, raw, width, height, away):
+    camera = raw.camera | {"image_width": width, "image_height": height}
+    client = raw(stage.port, hello=False)
+    client.say(camera)
+    client.control("view")
+    position, target = map(np.array, stage.scene.views["whole machine"])
+    moved = [m["position"] for m in client.heard if m["type"] == "SetCameraPositionMessage"]
+    assert moved == ([] if away is None else [pytest.approx(target + away * (position - target))])
+    client.set(client.control("view"), "generator")
+    client.wait(lambda me: len([m for m in me.heard if m["type"] == "SetCameraPositionMessage"]) > len(moved))
+    again = [m["position"] for m in client.heard if m["type"] == "SetCameraPositionMessage"][-1]
+    position, target = map(np.array, stage.scene.views["generator"])
+    assert again == pytest.approx(target + (away or 1.0) * (position - target))
+
+
+def html_shown(client):
+    """What the shared texts say now, {id: html}."""
+    shown = {}
+    for message in list(client.heard):
+        if message["type"] == "GuiHtmlMessage":
+            shown[message["uuid"]] = message["props"]["content"]
+        elif message["type"] == "GuiUpdateMessage" and "content" in message["updates"]:
+            shown[message["uuid"]] = message["updates"]["content"]
+    return "".join(shown.values())
+
+
+def test_everyone_reads_the_big_number(stage, raw):
+    client = raw(stage.port)
+    client.wait(lambda me: "7.84" in html_shown(me) and "At 0.00 %" in html_shown(me))
+    stage.scene.change(static_eccentricity=0.05)
+    client.wait(lambda me: "At 5.00 %" in html_shown(me))
+    assert "is &lt; 8 mm" in html_shown(client) and 'role="status"' in html_shown(client)
+
+
+# --- before a room ------------------------------------------------------------------------------------------------
+
+@pytest.fixture
+def room():
+    return staged(pin=Pin("314159"), sheet=SHEET)
+
+
+def give(client, digits):
+    client.set(client.control("PIN"), digits)
+    client.set(client.control("take the controls"), True)
+
+
+def notices(client):
+    return [m["props"]["body"] for m in list(client.heard) if m["type"] == "NotificationShowMessage"]
+
+
+def test_only_the_pin_gives_controls(room, raw):
+    watcher, presenter = raw(room.port), raw(room.port)
+    watcher.control("take the controls")
+    assert set(watcher.labels()) == {"view", "PIN", "take the controls", "for the presenter"}
+    give(presenter, "314159")
+    presenter.set(presenter.control("field, % of the card's"), 95.0)
+    presenter.wait(lambda _: room.scene.settings.field == 0.95)
+    assert "PIN" not in presenter.labels()
+    before = room.scene.settings
+    for uuid in presenter.labels().values():  # a watcher who knows the presenter's ids
+        for value in (90.0, True, "next", "3"):
+            watcher.set(uuid, value)
+    give(watcher, "000000")
+    watcher.wait(notices)
+    assert "static eccentricity, %" not in watcher.labels()
+    assert room.scene.settings == before
+    assert list(room.controls.panels) == [1]
+
+
+def test_the_pin_is_told_to_nobody(room, raw):
+    watcher, presenter = raw(room.port), raw(room.port)
+    give(presenter, "314159")
+    presenter.control("step")
+    give(watcher, "271828")
+    watcher.wait(notices)
+    for client in (watcher, presenter):
+        assert not any("314159" in str(message) for message in client.heard)
+    assert "314159" not in repr(room.controls.pin)
+
+
+def test_guesses_are_limited(room, raw):
+    client = raw(room.port)
+    for i in range(GUESSES):
+        give(client, f"{i:06d}")
+        client.wait(lambda me, n=i: len(notices(me)) > n)
+    assert notices(client)[0] == "That is not the PIN; 4 more guesses."
+    assert "try again in 60 s" in notices(client)[-1]
+    again = raw(room.port)  # a new connection from there is no new start
+    give(again, "314159")
+    assert "try again in" in again.wait(notices)[0]
+    assert not room.controls.panels
+
+
+def test_whoever_leaves_takes_the_controls_along(room, raw):
+    presenter = raw(room.port)
+    give(presenter, "314159")
+    presenter.control("step")
+    presenter.close()
+    back = raw(room.port)
+    back.wait(lambda _: not room.controls.panels)
+    assert "static eccentricity, %" not in (back.control("view") and back.labels())
+    give(back, " 314159 ")
+    assert back.control("static eccentricity, %")
+
+
+def test_a_presenter_goes_through_the_run_sheet(room, raw):
+    presenter, watcher = raw(room.port), raw(room.port)
+    give(presenter, "314159")
+    turn = presenter.control("go to")
+    assert room.scene.settings.static_eccentricity == 0.0
+    presenter.set(turn, "next")
+    presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.088))
+    presenter.wait(lambda me: "A short one: step 2 of 3" in html_shown(me) and "do 2" in html_shown(me))
+    watcher.wait(lambda me: "why 2?" in html_shown(me))
+    assert "do 2" not in html_shown(watcher)
+    camera = presenter.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraPositionMessage"])
+    assert list(camera[-1]["position"]) == [0.1, 0.0, 12.0]
+    assert not [m for m in watcher.heard if m["type"].startswith("SetCamera")]
+    for press in ("next", "next", "next"):
+        presenter.set(turn, press)
+    presenter.wait(lambda _: room.scene.settings.leg == 2)
+    presenter.wait(lambda me: "step 3 of 3" in html_shown(me) and "see &lt;3&gt;" in html_shown(me))
+    presenter.set(presenter.control("static eccentricity, %"), 1.0)
+    presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.01))
+    presenter.set(turn, "again")
+    presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.088))
+    for press in ("back", "back", "back"):
+        presenter.set(turn, press)
+    presenter.wait(lambda _: room.controls.place == 0 and room.scene.settings.static_eccentricity == 0)
+    assert room.scene.settings.leg == 0
+
+
+# --- the parts ----------------------------------------------------------------------------------------------------
+
+def test_the_wait_after_wrong_guesses_doubles_for_each_address_alone():
+    clock = [0.0]
+    pin = Pin("314159", now=lambda: clock[0])
+    for _ in range(GUESSES):
+        assert pin.check("0", "a")
+    assert "60 s" in pin.check("314159", "a")
+    assert pin.check("314159", "b") == ""
+    clock[0] = FIRST_WAIT + 1
+    assert "120 s" in pin.check("0", "a")
+    clock[0] += 2 * FIRST_WAIT + 1
+    assert pin.check("314159", "a") == ""
+    assert "4 more" in pin.check("0", "a")  # a right one clears the account
+
+
+@pytest.mark.parametrize("guess", [None, 314159, "", "31415", "3141590", b"314159", ["314159"], "٣١٤١٥٩", "é" * 6])
+def test_only_the_six_digits_are_right(guess):
+    assert Pin("314159").check(guess, "a") != ""
+
+
+def test_pins_are_six_digits_and_not_the_same():
+    made = {new_digits() for _ in range(50)}
+    assert len(made) > 45 and all(len(digits) == 6 and digits.isdigit() for digits in made)
+
+
+def test_words_are_escaped_and_complete():
+    assert "<script>" not in big_number(0.001, "<script>") + room_words(dataclasses.replace(SHEET.steps[0], ask="<script>"))
+    assert "minute 1 to 2 of 3" in presenter_words(SHEET, 1)
+    assert "smallest gap" not in big_number(math.inf, "no gap here")

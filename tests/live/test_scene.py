@@ -1,0 +1,166 @@
+"""The 3D scene on a server without a browser: what it builds, what it accepts, how it moves, what a recording holds."""
+
+import math
+import re
+import time
+
+import numpy as np
+import pytest
+
+from hydrolab import BadInput, HarmonicBalance, load_machine
+from hydrolab.live.poses import drawn_rotor_radius, positions, stations
+from hydrolab.live.recording import record_scene
+from hydrolab.live.scene import MachineScene
+
+viser = pytest.importorskip("viser", reason="viser is in the project's own dependencies")
+
+
+@pytest.fixture(scope="module")
+def kaplan():
+    return load_machine("kaplan-150rpm")
+
+
+@pytest.fixture
+def server():
+    opened = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield opened
+    opened.stop()
+
+
+@pytest.fixture(scope="module")
+def shared(kaplan):
+    """One scene for the tests that set what they need themselves."""
+    opened = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    yield MachineScene(opened, kaplan, playing=False)
+    opened.stop()
+
+
+def bones(scene):
+    return np.array([bone.position for bone in scene.nodes.moving["shaft"].bones])
+
+
+@pytest.mark.parametrize("card", ["jeffcott", "three-disc"])
+def test_every_card_has_a_scene(server, card):
+    scene = MachineScene(server, load_machine(card), playing=False)
+    assert {body.name for body in scene.machine.bodies} <= set(scene.nodes.moving)
+    assert (scene.inset is None) == (card == "three-disc")
+    scene.change(dark=True, unbalance=1.5, field=0.9, names=False)
+    scene.step(0.3)
+    assert re.search(r"drawn \d+ times", scene.reading)
+
+
+def test_a_straight_shaft_is_said_to_be_one(server):
+    scene = MachineScene(server, load_machine("three-disc"), playing=False)
+    assert "neither air gap nor unbalance" in scene.reading and math.isinf(scene.smallest_gap)
+
+
+def test_bones_bodies_and_stator_are_where_the_orbit_says(shared, kaplan):
+    shared.change(static_eccentricity=0.088, leg=0, exaggeration=40.0)
+    orbit = HarmonicBalance(4).solve(kaplan.model(), kaplan.speed, 0.088)
+    where = stations(kaplan, orbit)
+    for phase in (0.0, 1.0, 4.0):
+        shared.draw(phase)
+        place = positions(where, where.motion(phase), 40.0)
+        assert bones(shared) == pytest.approx(place[:where.nodes], abs=2e-5)
+        assert shared.nodes.moving["generator"].position == pytest.approx(place[where.nodes], abs=2e-5)
+    assert shared.nodes.moving["stator"].position[:2] == pytest.approx(40 * orbit.centre, abs=1e-9)
+    assert shared.smallest_gap == pytest.approx(orbit.smallest_gap, rel=1e-6)
+
+
+def test_the_drawn_gap_is_the_gap_times_the_scale(shared, kaplan):
+    """Between the drawn pole faces and the drawn bore, at the closest moment of a turn, measured on the handles."""
+    shared.change(static_eccentricity=0.088, leg=2, exaggeration=50.0)
+    faces = np.asarray(shared.nodes.meshes["painted pole"].vertices)[:, 0].max()
+    assert faces == pytest.approx(drawn_rotor_radius(shared.sizes.stator, kaplan.air_gap.gap, 50.0), abs=1e-6)
+    gaps = []
+    for phase in 2 * np.pi * np.arange(360) / 360:
+        shared.draw(phase)
+        off = np.subtract(shared.nodes.moving["generator"].position, shared.nodes.moving["stator"].position)[:2]
+        gaps.append((shared.sizes.stator - faces - np.hypot(*off)) / 50.0)
+    assert min(gaps) == pytest.approx(shared.smallest_gap, abs=1e-6)
+
+
+def test_the_arrow_is_along_the_pull(shared):
+    shared.change(static_eccentricity=0.088, leg=2)
+    orbit, gap = shared.shown.orbit, shared.machine.air_gap
+    lengths, forces = [], []
+    for phase in (0.2, 1.9, 3.7):
+        shared.draw(phase)
+        tail, head = (np.array(bone.position) for bone in shared.nodes.moving["pull"].bones[:2])
+        e = orbit.positions([phase])[:, 0] - orbit.centre
+        pull = e * (1 - e @ e / gap.gap**2) ** -1.5  # the closed form, but for its stiffness
+        arrow = (head - tail)[:2]
+        assert arrow / np.hypot(*arrow) == pytest.approx(pull / np.hypot(*pull), abs=1e-4)
+        lengths.append(np.hypot(*arrow))
+        forces.append(np.hypot(*pull))
+    assert np.array(lengths) / lengths[0] == pytest.approx(np.array(forces) / forces[0], rel=1e-4)
+
+
+def test_two_stable_orbits_at_one_eccentricity(shared):
+    found = {}
+    for leg in (0, 2):
+        shared.change(static_eccentricity=0.088, leg=leg)
+        assert f"Leg {leg + 1} of 3, stable" in shared.reading
+        found[leg] = shared.smallest_gap
+    assert found[2] < found[0] - 0.5e-3
+    assert shared.legs == (0, 2)
+
+
+def test_past_the_fold_it_jumps_and_says_so(shared):
+    shared.change(static_eccentricity=0.088, leg=0)
+    shared.change(static_eccentricity=shared.limits["static_eccentricity"][1] * 0.9 + 0.1 * 0.088)
+    assert "jumps to leg 3" in shared.reading and shared.settings.leg == 2
+    shared.change(static_eccentricity=0.088)  # and it does not come back by itself
+    assert "Leg 3" in shared.reading
+
+
+@pytest.mark.parametrize(("wanted", "words"), [
+    ({"static_eccentricity": math.nan}, "finite"), ({"static_eccentricity": "0.05"}, "finite"), ({"leg": 0.5}, "whole"),
+    ({"leg": True}, "finite"), ({"playing": 1}, "true or false"), ({"view": "moon"}, "there are"),
+    ({"speed": 3.0}, "no setting"), ({"field": None}, "finite"), ({"slow_motion": math.inf}, "finite"),
+])
+def test_what_is_no_setting_is_refused_and_changes_nothing(shared, wanted, words):
+    before = shared.settings
+    with pytest.raises(BadInput, match=words):
+        shared.change(**wanted)
+    assert shared.settings == before
+
+
+def test_numbers_are_clamped(shared):
+    shared.change(static_eccentricity=99999, field=-3, exaggeration=1e9, slow_motion=0)
+    s, limits = shared.settings, shared.limits
+    assert (s.static_eccentricity, s.field, s.exaggeration, s.slow_motion) == (
+        limits["static_eccentricity"][1], limits["field"][0], limits["exaggeration"][1], limits["slow_motion"][0])
+    assert shared.factor <= s.exaggeration
+    shared.change(static_eccentricity=0.088, field=1.0, exaggeration=50.0, leg=77, slow_motion=8.0)
+    assert shared.settings.leg == 2
+
+
+def test_the_loop_eases_to_a_new_orbit_and_stops(shared):
+    shared.change(static_eccentricity=0.0, leg=0)
+    shared.run()
+    loop = shared._thread
+    try:
+        shared.change(static_eccentricity=0.08)
+        deadline = time.monotonic() + 60
+        while (not (orbit := shared.shown.orbit).centre[0]
+               or np.abs(shared.drawn.coefficients - stations(shared.machine, orbit).coefficients).max() > 1e-7):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        assert shared.shown.orbit.static_eccentricity == pytest.approx(0.08)
+    finally:
+        shared.stop()
+    loop.join(60)
+    assert not loop.is_alive()
+
+
+def test_a_recording_is_one_file_that_asks_for_nothing(shared, tmp_path):
+    shared.change(static_eccentricity=0.088, leg=0, slow_motion=1.0)
+    path = record_scene(shared, tmp_path / "machine.html", turns=2)
+    text = path.read_text()
+    assert 0.7e6 < len(text) < 2e6
+    addresses = set(re.findall(r"""(?:src|href)=["']?((?:https?:)?//[^"' >]+)""", text))
+    assert not addresses
+    for name, turns in (("machine.txt", 2), ("machine.html", 0), ("machine.html", 1.5)):
+        with pytest.raises(BadInput):
+            record_scene(shared, tmp_path / name, turns=turns)
