@@ -50,7 +50,9 @@ html_theme_options = {"home_page_in_toc": True, "show_navbar_depth": 1, "show_to
 
 
 def read(app, docname, source):
-    """Turn a stored source into the page's: equations that link, flip-books, pages that are written from the code."""
+    """Turn a stored source into the page's: equations that link, flip-books, pages that are written
+    from the code.
+    """
     if docname == "index":
         source[0] += contents(BOOK, INSTRUCTOR)
     elif docname == "api":
@@ -58,18 +60,21 @@ def read(app, docname, source):
     elif docname == "bibliography":
         source[0] = bibliography_page(BOOK)
     elif docname.startswith("instructor/"):
-        source[0] = linked(source[0], {number: f"../{name}" for number, name in equations(BOOK).items()})
+        source[0] = linked(source[0], {number: f"../{name}"
+                                       for number, name in equations(BOOK).items()})
     elif docname[:1].isdigit():
         source[0] = chapter_page(source[0], equations(BOOK))
         names = [scene_name(*scene) for scene in SCENES.get(int(docname[:2]), ())]
         if names and app.config.scenes:
             source[0] = with_scenes(source[0], {
-                f"_static/scenes/{name}.html": Path(app.config.scenes, f"{name}.txt").read_text(encoding="utf-8")
+                f"_static/scenes/{name}.html": Path(app.config.scenes,
+                                                    f"{name}.txt").read_text(encoding="utf-8")
                 for name in names})
 
 
 def setup(app):
     """Ask Sphinx to let `read` see each source first."""
-    app.add_config_value("scenes", "", "env")  # folder of the recorded 3D scenes; `hydrolab book` makes them
+    # folder of the recorded 3D scenes; `hydrolab book` makes them
+    app.add_config_value("scenes", "", "env")
     app.connect("source-read", read)
     return {"parallel_read_safe": True}

@@ -21,10 +21,14 @@ from hydrolab.machine.pull import CircularPull, LinearPull, ShapedPull
 
 __version__ = "0.1.0"
 __all__ = [
-    "Arclength", "BadInput", "CentralDifference", "CircularPull", "Contact", "HarmonicBalance", "LinearPull",
-    "Newmark", "NoConvergence", "RungeKutta", "ShapedPull", "basins", "branch_stability", "campbell", "card_names",
-    "card_text", "ellipse", "floquet", "follow", "integrate", "load_machine", "modes", "newton", "orbits_at",
-    "poincare", "powell_dog_leg", "reduce", "rpm", "self_crossings", "stable_orbits_at", "steady_map", "sweep",
+    "Arclength", "BadInput", "CentralDifference", "CircularPull", "Contact", "HarmonicBalance",
+    "LinearPull",
+    "Newmark", "NoConvergence", "RungeKutta", "ShapedPull", "basins", "branch_stability",
+    "campbell", "card_names",
+    "card_text", "ellipse", "floquet", "follow", "integrate", "load_machine", "modes", "newton",
+    "orbits_at",
+    "poincare", "powell_dog_leg", "reduce", "rpm", "self_crossings", "stable_orbits_at",
+    "steady_map", "sweep",
     "sweep_in_time", "truncation_error", "update_branch", "vary",
 ]
 

@@ -1,5 +1,5 @@
-"""The command `hydrolab`: `lab` opens the course, `book` builds its pages, `study` repeats the paper's study, `show` opens
-the machine in 3D.
+"""The command `hydrolab`: `lab` opens the course, `book` builds its pages, `study` repeats the
+paper's study, `show` opens the machine in 3D.
 """
 
 from __future__ import annotations
@@ -18,13 +18,16 @@ from hydrolab import __version__
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.ports import in_words, trouble
 
-LEFT_OUT = ("_build", "_static", "instructor", "conf.py", "index.md", "bibliography.md", "api.md", ".ipynb_checkpoints",
+LEFT_OUT = ("_build", "_static", "instructor", "conf.py", "index.md", "bibliography.md", "api.md",
+            ".ipynb_checkpoints",
             "__pycache__")
 ANNOUNCEMENTS = "@jupyterlab/apputils-extension:announcements"
 
 
 def find_book() -> Path:
-    """Return the folder of the course: the clone's `book`, or the copy that an installed wheel carries."""
+    """Return the folder of the course: the clone's `book`, or the copy that an installed wheel
+    carries.
+    """
     package = Path(__file__).resolve().parent
     clone = package.parent / "book"
     for folder in (clone, package / "_book"):
@@ -67,7 +70,9 @@ def current_umask() -> int:
 
 
 def prepare_folder(folder: Path, book: Path | None = None) -> tuple[list[Path], list[Path]]:
-    """Copy into folder what it lacks of the course. Return (copied, kept): a kept file differs from the shipped one."""
+    """Copy into folder what it lacks of the course. Return (copied, kept): a kept file differs from
+    the shipped one.
+    """
     book = book or find_book()
     folder = folder.resolve()
     if folder == book or folder.is_relative_to(book):
@@ -78,7 +83,8 @@ def prepare_folder(folder: Path, book: Path | None = None) -> tuple[list[Path], 
     for relative in course_files(book):
         if copy_new(book / relative, folder / relative):
             copied.append(relative)
-        elif not (folder / relative).is_file() or (folder / relative).read_bytes() != (book / relative).read_bytes():
+        elif not (folder / relative).is_file() or (folder / relative).read_bytes() != (book
+                                                                                       / relative).read_bytes():
             kept.append(relative)
     folder.mkdir(parents=True, exist_ok=True)
     return copied, kept
@@ -97,16 +103,19 @@ def lab_arguments(folder: Path, *, ip: str, port: int | None, browser: bool) -> 
         f"--ServerApp.root_dir={folder}",
         f"--ServerApp.ip={ip}",
         f"--LabApp.default_url=/lab/tree/{first}" if first else "--LabApp.default_url=/lab",
-        "--ServerApp.answer_yes=True",  # one Ctrl-C is enough; what is open is saved every two minutes
+        # one Ctrl-C is enough; what is open is saved every two minutes
+        "--ServerApp.answer_yes=True",
         "--ServerApp.log_level=WARN",  # the address stays in sight
-        "--LanguageServerManager.autodetect=False",  # no search for editors' servers, which take a second Ctrl-C
+        # no search for editors' servers, which take a second Ctrl-C
+        "--LanguageServerManager.autodetect=False",
     ]
     if port is not None:
         arguments += [f"--ServerApp.port={port}", "--ServerApp.port_retries=0"]
     if not browser:
         arguments.append("--no-browser")
     if hasattr(os, "geteuid") and os.geteuid() == 0:
-        arguments.append("--allow-root")  # a container's only user; the token still guards the server
+        # a container's only user; the token still guards the server
+        arguments.append("--allow-root")
     return arguments
 
 
@@ -116,14 +125,17 @@ def without_announcements(handler: Any, page: dict[str, Any]) -> dict[str, Any]:
 
 
 def lab(options: argparse.Namespace) -> int:
-    """Copy the course into a working folder, where files already there stay, and open it in JupyterLab."""
+    """Copy the course into a working folder, where files already there stay, and open it in
+    JupyterLab.
+    """
     if options.students is not None:
         from hydrolab.course.hand_out import hand_out
 
         print(hand_out(find_book(), course_files(find_book()), options.students))
         return 0
     if importlib.util.find_spec("jupyterlab") is None:
-        raise BadInput(f"JupyterLab is not installed for {sys.executable}; install it with: pip install jupyterlab")
+        raise BadInput(f"JupyterLab is not installed for {sys.executable}; install it with: pip "
+                       "install jupyterlab")
     if options.port is not None:
         check_port(options.ip, options.port)
     elif options.ip != "127.0.0.1":
@@ -132,7 +144,8 @@ def lab(options: argparse.Namespace) -> int:
     folder = options.dir.resolve()
     print(f"The course is in {folder} ({len(copied)} files copied). It is yours to edit.")
     if kept:
-        print(f"Kept as you left them: {', '.join(map(str, kept[:3]))}{' …' if len(kept) > 3 else ''}. "
+        print("Kept as you left them: "
+              f"{', '.join(map(str, kept[:3]))}{' …' if len(kept) > 3 else ''}. "
               "Move a file away to get the shipped one again.")
     print("Save your notebooks before you stop with Ctrl-C.", flush=True)
 
@@ -140,7 +153,8 @@ def lab(options: argparse.Namespace) -> int:
 
     try:
         server = LabApp.initialize_server(
-            argv=lab_arguments(folder, ip=options.ip, port=options.port, browser=not options.no_browser))
+            argv=lab_arguments(folder, ip=options.ip, port=options.port,
+                               browser=not options.no_browser))
         server.web_app.settings["page_config_hook"] = without_announcements
         if not server.identity_provider.token_generated:  # else JupyterLab says it, with the token
             print(f"JupyterLab is at {server.display_url}", flush=True)
@@ -155,14 +169,18 @@ def study(options: argparse.Namespace) -> int:
     """Repeat the paper's study on a machine card."""
     from hydrolab.paper.report import study_command
 
-    return study_command(options.card, out=options.out, family=options.family, figures=not options.no_figures)
+    return study_command(options.card, out=options.out, family=options.family,
+                         figures=not options.no_figures)
 
 
 def book(options: argparse.Namespace) -> int:
-    """Build the static book from the stored chapters; with --refresh, run the chapters and store what comes out."""
+    """Build the static book from the stored chapters; with --refresh, run the chapters and store
+    what comes out.
+    """
     folder = find_book()
     if options.refresh is None and options.check:
-        raise BadInput("--check goes with --refresh: hydrolab book --refresh --check compares and writes nothing.")
+        raise BadInput("--check goes with --refresh: hydrolab book --refresh --check compares and "
+                       "writes nothing.")
     if options.refresh is not None:
         from hydrolab.course.notebooks import refresh_all
 
@@ -174,12 +192,14 @@ def book(options: argparse.Namespace) -> int:
 
 
 def show(options: argparse.Namespace) -> int:
-    """Show a machine in 3D in the browser, on this computer alone. With --room everyone in the network can watch, and who
-    gives the PIN can change things."""
+    """Show a machine in 3D in the browser, on this computer alone. With --room everyone in the
+    network can watch, and who gives the PIN can change things."""
     from hydrolab.live.command import find_run_sheet, show_command
 
-    sheet = find_run_sheet(options.run_sheet, find_book() / "instructor") if options.run_sheet else None
-    return show_command(options.card, room=options.room, host=options.host, port=options.port, viewers=options.viewers,
+    sheet = find_run_sheet(options.run_sheet,
+                           find_book() / "instructor") if options.run_sheet else None
+    return show_command(options.card, room=options.room, host=options.host, port=options.port,
+                        viewers=options.viewers,
                         sheet=sheet, record=options.record, browser=not options.no_browser,
                         eccentricity=options.eccentricity, orbit=options.orbit)
 
@@ -187,62 +207,84 @@ def show(options: argparse.Namespace) -> int:
 def port_number(text: str) -> int:
     """Return a port from a command line's text."""
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 65535:
-        raise argparse.ArgumentTypeError(f"{text!r} is no port; a port is a whole number from 1 to 65535")
+        raise argparse.ArgumentTypeError(f"{text!r} is no port; a port is a whole number from 1 to "
+                                         "65535")
     return int(text)
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
-    top = argparse.ArgumentParser(prog="hydrolab", description="Hydropower generator rotors under unbalanced "
+    top = argparse.ArgumentParser(prog="hydrolab", description="Hydropower generator rotors under "
+                                  "unbalanced "
                                   "magnetic pull: a course and a study.")
     top.add_argument("--version", action="version", version=f"hydrolab {__version__}")
     commands = top.add_subparsers(title="commands", required=True, metavar="COMMAND")
 
-    command = commands.add_parser("lab", help="open the course in JupyterLab", description=lab.__doc__)
+    command = commands.add_parser("lab", help="open the course in JupyterLab",
+                                  description=lab.__doc__)
     command.add_argument("--dir", type=Path, default=Path("hydrolab-book"), metavar="DIR",
                          help="working folder for your copy of the course (default: %(default)s)")
-    command.add_argument("--port", type=port_number, help="port to listen on (default: 8888 or the next free one)")
-    command.add_argument("--ip", default="127.0.0.1", help="address to listen on (default: %(default)s)")
-    command.add_argument("--no-browser", action="store_true", help="print the address and open no browser")
+    command.add_argument("--port", type=port_number, help="port to listen on (default: 8888 or the "
+                                                          "next free one)")
+    command.add_argument("--ip", default="127.0.0.1", help="address to listen on (default: "
+                                                           "%(default)s)")
+    command.add_argument("--no-browser", action="store_true", help="print the address and open no "
+                         "browser")
     command.add_argument("--students", type=Path, metavar="DIR",
                          help="write a copy without solutions into a new folder, and open nothing")
     command.set_defaults(run=lab)
 
     command = commands.add_parser("book", help="build the static book, or refresh the chapters",
                                   description=book.__doc__)
-    command.add_argument("--out", type=Path, metavar="DIR", help="folder for the pages (default: book/_build/html)")
+    command.add_argument("--out", type=Path, metavar="DIR", help="folder for the pages (default: "
+                         "book/_build/html)")
     command.add_argument("--instructor", action="store_true", help="with the pages for instructors")
     command.add_argument("--refresh", nargs="*", metavar="CHAPTER",
-                         help="execute and clean these chapters (numbers; none: all) and say what changed")
-    command.add_argument("--check", action="store_true", help="with --refresh: compare with what is stored, write nothing")
+                         help="execute and clean these chapters (numbers; none: all) and say what "
+                              "changed")
+    command.add_argument("--check", action="store_true", help="with --refresh: compare with what "
+                         "is stored, write nothing")
     command.set_defaults(run=book)
 
-    command = commands.add_parser("study", help="repeat the paper's study", description=study.__doc__)
+    command = commands.add_parser("study", help="repeat the paper's study",
+                                  description=study.__doc__)
     command.add_argument("card", nargs="?", default="kaplan-150rpm", metavar="CARD",
-                         help="name of a shipped machine card or path of your own TOML file (default: %(default)s)")
+                         help="name of a shipped machine card or path of your own TOML file "
+                              "(default: %(default)s)")
     command.add_argument("--out", type=Path, default=Path("hydrolab-study"), metavar="DIR",
                          help="folder for report.json and the figures (default: %(default)s)")
-    command.add_argument("--family", action="store_true", help="judge each claim on the whole family of machines too")
-    command.add_argument("--no-figures", action="store_true", help="compute and report, draw nothing")
+    command.add_argument("--family", action="store_true", help="judge each claim on the whole "
+                         "family of machines too")
+    command.add_argument("--no-figures", action="store_true", help="compute and report, draw "
+                         "nothing")
     command.set_defaults(run=study)
 
     command = commands.add_parser("show", help="open the machine in 3D", description=show.__doc__)
     command.add_argument("card", nargs="?", metavar="CARD",
-                         help="name of a shipped machine card or path of your own TOML file (default: kaplan-150rpm)")
-    command.add_argument("--room", action="store_true", help="open it to the network: prints address, QR code and PIN")
-    command.add_argument("--host", metavar="ADDRESS", help="address to listen on (default: 127.0.0.1, with --room the "
+                         help="name of a shipped machine card or path of your own TOML file "
+                              "(default: kaplan-150rpm)")
+    command.add_argument("--room", action="store_true", help="open it to the network: prints "
+                         "address, QR code and PIN")
+    command.add_argument("--host", metavar="ADDRESS", help="address to listen on (default: "
+                                                           "127.0.0.1, with --room the "
                          "computer's address in its network)")
-    command.add_argument("--port", type=port_number, help="port to listen on (default: 8080 or the next free one)")
+    command.add_argument("--port", type=port_number, help="port to listen on (default: 8080 or the "
+                                                          "next free one)")
     command.add_argument("--viewers", type=int, default=100, metavar="N",
                          help="how many may watch at once (default: %(default)s)")
-    command.add_argument("--run-sheet", metavar="NAME", help="steps for the presenter: 5-minutes, 15-minutes, 45-minutes "
+    command.add_argument("--run-sheet", metavar="NAME", help="steps for the presenter: 5-minutes, "
+                         "15-minutes, 45-minutes "
                          "or a TOML file of your own")
     command.add_argument("--eccentricity", type=float, metavar="PERCENT",
-                         help="static eccentricity of the stator to begin with, %% of the air gap (default: 0)")
-    command.add_argument("--orbit", type=int, metavar="N", help="which steady state to begin with where there are several, "
+                         help="static eccentricity of the stator to begin with, %% of the air gap "
+                              "(default: 0)")
+    command.add_argument("--orbit", type=int, metavar="N", help="which steady state to begin with "
+                         "where there are several, "
                          "counted along the branch (default: 1)")
-    command.add_argument("--record", type=Path, metavar="FILE.html", help="write a file that plays without a server instead")
-    command.add_argument("--no-browser", action="store_true", help="print the address and open no browser")
+    command.add_argument("--record", type=Path, metavar="FILE.html", help="write a file that plays "
+                         "without a server instead")
+    command.add_argument("--no-browser", action="store_true", help="print the address and open no "
+                         "browser")
     command.set_defaults(run=show)
     return top
 

@@ -1,4 +1,5 @@
-"""Errors worded for the person who has to act on them: what was wrong, the value, what is allowed."""
+"""Errors worded for the person who has to act on them: what was wrong, the value, what is allowed.
+"""
 
 
 class BadInput(ValueError):

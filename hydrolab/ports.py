@@ -1,4 +1,6 @@
-"""Whether this computer can listen on an address, asked before a server starts: servers answer late or not at all."""
+"""Whether this computer can listen on an address, asked before a server starts: servers answer late
+or not at all.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +10,17 @@ import socket
 
 
 def trouble(host: str, port: int) -> int | None:
-    """The error number with which this computer refuses to listen there, or None where it does not."""
+    """The error number with which this computer refuses to listen there, or None where it does not.
+    """
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM,
+        family, kind, protocol, _, address = socket.getaddrinfo(host or None, port,
+                                                                type=socket.SOCK_STREAM,
                                                                 flags=socket.AI_PASSIVE)[0]
     except (OSError, UnicodeError):
         return errno.EADDRNOTAVAIL
     with socket.socket(family, kind, protocol) as probe:
-        if os.name == "posix":  # as a server does; on Windows the option would let two servers share a port
+        # as a server does; on Windows the option would let two servers share a port
+        if os.name == "posix":
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind(address)
@@ -24,7 +29,8 @@ def trouble(host: str, port: int) -> int | None:
     return None
 
 
-def in_words(number: int, host: str, port: int, host_option: str = "host", port_option: str = "port") -> str:
+def in_words(number: int, host: str, port: int, host_option: str = "host",
+             port_option: str = "port") -> str:
     """An error number of `trouble` as a sentence, with the names of the options that were given."""
     if number == errno.EADDRNOTAVAIL:
         return f"{host_option} is {host!r}; it is no address of this computer. Try 127.0.0.1."

@@ -13,8 +13,11 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 @contextmanager
 def progress_bars(console: Console | None = None) -> Iterator[Callable[[str, int, int], None]]:
-    """A callback (what, done, all) that draws one bar for each kind of work; the bars go when the work is done."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    """A callback (what, done, all) that draws one bar for each kind of work; the bars go when the
+    work is done.
+    """
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
+               TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as bars:
         tasks: dict[str, int] = {}
 

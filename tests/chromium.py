@@ -1,4 +1,6 @@
-"""What the tests in a real browser share: which one, where its pictures go, and the bones of the 3D machine's shaft."""
+"""What the tests in a real browser share: which one, where its pictures go, and the bones of the 3D
+machine's shaft.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,8 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-BROWSER = next(filter(None, map(shutil.which, ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
+BROWSER = next(filter(None, map(shutil.which,
+                                ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
 PICTURES = Path(__file__).resolve().parents[1] / "build" / "pictures"
 BONES = """() => {
   const found = [];
@@ -25,5 +28,6 @@ def keep(page: Any, name: str) -> None:
 def wait_for_bones(page: Any, wanted: list[list[float]]) -> None:
     """Wait until the shaft's bones in a page or a frame are at these places."""
     page.wait_for_function(
-        f"wanted => {{ const found = ({BONES})(); return found.length === wanted.length && wanted.every((place, i) => "
+        f"wanted => {{ const found = ({BONES})(); return found.length === wanted.length && "
+        "wanted.every((place, i) => "
         "place.every((value, k) => Math.abs(value - found[i][k]) < 1e-5)); }", arg=wanted)

@@ -16,16 +16,20 @@ PATIENCE = 120  # s for a server to start, on a computer that does other things 
 
 @contextmanager
 def jupyter_process(command: list[str], folder: Path, address: str) -> Iterator[str]:
-    """Run a command that starts Jupyter in a folder, and yield the address it prints: what the pattern `address` matches.
+    """Run a command that starts Jupyter in a folder, and yield the address it prints: what the
+    pattern `address` matches.
 
     It finds none of the reader's own settings, workspaces and kernels, and the token is `TOKEN`.
     """
-    own = {f"JUPYTER_{what}_DIR": str(folder / what.lower()) for what in ("CONFIG", "DATA", "RUNTIME")}
-    own |= {"JUPYTERLAB_SETTINGS_DIR": str(folder / "settings"), "JUPYTERLAB_WORKSPACES_DIR": str(folder / "spaces"),
+    own = {f"JUPYTER_{what}_DIR": str(folder / what.lower())
+           for what in ("CONFIG", "DATA", "RUNTIME")}
+    own |= {"JUPYTERLAB_SETTINGS_DIR": str(folder / "settings"),
+            "JUPYTERLAB_WORKSPACES_DIR": str(folder / "spaces"),
             "IPYTHONDIR": str(folder / "ipython"), "JUPYTER_TOKEN": TOKEN}
     log = folder / "jupyter.log"
     with log.open("w") as sink:
-        process = subprocess.Popen(command, cwd=folder, env=os.environ | own, stdout=sink, stderr=subprocess.STDOUT)
+        process = subprocess.Popen(command, cwd=folder, env=os.environ | own, stdout=sink,
+                                   stderr=subprocess.STDOUT)
     try:
         deadline = time.monotonic() + PATIENCE
         while not (found := re.search(rf"({address})\s", log.read_text(errors="replace"))):

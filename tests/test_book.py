@@ -1,4 +1,5 @@
-"""What every chapter keeps: fresh and clean outputs, short cells, equations in order, links that lead somewhere.
+"""What every chapter keeps: fresh and clean outputs, short cells, equations in order, links that
+lead somewhere.
 
 nbval compares the outputs themselves; this reads the files.
 """
@@ -17,15 +18,17 @@ from hydrolab.explorers.widget import MIME as FLIPBOOK
 BOOK = Path(__file__).resolve().parents[1] / "book"
 CHAPTERS = {path.stem: path for path in sorted(BOOK.glob("*.ipynb"))}
 NOTEBOOKS = {name: notebooks.read(path) for name, path in CHAPTERS.items()}
-PARTS = ["After this chapter you can", "| you need |", "## Predict", "## Exercises", "## What your predictions said",
+PARTS = ["After this chapter you can", "| you need |", "## Predict", "## Exercises", "## What your "
+         "predictions said",
          "## Summary", "## What next", "## References"]
 LARGEST = 700_000  # bytes of a stored notebook
-# The chapter that explains a name of the library. `HarmonicBalance`, `follow`, `modes` and `ellipse` serve before
-# theirs, as tools that the text announces as such.
+# The chapter that explains a name of the library. `HarmonicBalance`, `follow`, `modes` and
+# `ellipse` serve before theirs, as tools that the text announces as such.
 EXPLAINED = {
     3: ["integrate", "CentralDifference", "Newmark", "RungeKutta", "hydrolab.dynamics.integrate"],
     4: ["newton", "powell_dog_leg", "hydrolab.dynamics.solvers"],
-    5: ["Arclength", "floquet", "branch_stability", "stable_orbits_at", "hydrolab.dynamics.stability"],
+    5: ["Arclength", "floquet", "branch_stability", "stable_orbits_at",
+        "hydrolab.dynamics.stability"],
     6: ["hydrolab.machine.elements"],
     7: ["campbell", "hydrolab.machine.model"],
     8: ["hydrolab.paper.calibration", "hydrolab.paper.calibration"],
@@ -77,7 +80,8 @@ def test_cells_are_short(chapter):
     long = {cell["source"].split("\n")[0]: length for cell in NOTEBOOKS[chapter]["cells"]
             if (length := cell["source"].count("\n") + 1) > 30}
     assert not long
-    wide = [line for cell in cells(chapter, "code") for line in cell["source"].split("\n") if len(line) > 120]
+    wide = [line for cell in cells(chapter, "code") for line in cell["source"].split("\n")
+            if len(line) > 120]
     assert not wide
 
 
@@ -87,8 +91,10 @@ def test_nothing_is_hidden(chapter):
         assert not cell["source"].startswith("%%capture")
     folded = re.findall(r"<details>.*?</details>", prose(chapter), re.DOTALL)
     assert r"\tag{" not in "".join(folded), "an equation is folded away"
-    taught = re.findall(r"<details>.*?</details>", prose(chapter).split("\n## Exercises")[0], re.DOTALL)
-    assert not [text for text in taught if "$$" in text or "```python" in text], "physics is folded away"
+    taught = re.findall(r"<details>.*?</details>", prose(chapter).split("\n## Exercises")[0],
+                        re.DOTALL)
+    assert not [text for text in taught if "$$" in text
+                or "```python" in text], "physics is folded away"
 
 
 def test_no_trace_of_one_computer(chapter):
@@ -97,8 +103,10 @@ def test_no_trace_of_one_computer(chapter):
 
 
 def test_numbers_have_a_fixed_format(chapter):
-    assert not re.findall(r"(?<![\d.])\d+\.\d{11,}", printed(chapter)), "print numbers with a format"
-    assert not re.findall(r"\d\.?\d*e-(?:1[3-9]|[2-9]\d)", printed(chapter)), "rounding error differs between computers"
+    assert not re.findall(r"(?<![\d.])\d+\.\d{11,}",
+                          printed(chapter)), "print numbers with a format"
+    assert not re.findall(r"\d\.?\d*e-(?:1[3-9]|[2-9]\d)",
+                          printed(chapter)), "rounding error differs between computers"
 
 
 def test_equations_are_numbered_in_order_and_referenced_rightly(chapter):
@@ -115,7 +123,8 @@ def test_equations_are_numbered_in_order_and_referenced_rightly(chapter):
 
 def test_equations_are_referenced(chapter):
     named = {found for name in NOTEBOOKS
-             for found in re.findall(r"\((\d+\.\d+)\)", "".join(cell["source"] for cell in NOTEBOOKS[name]["cells"]))}
+             for found in re.findall(r"\((\d+\.\d+)\)",
+                                     "".join(cell["source"] for cell in NOTEBOOKS[name]["cells"]))}
     tags = set(re.findall(r"\\tag\{([^}]*)\}", prose(chapter)))
     assert not tags - named, "an equation has a number and nobody uses it"
 
@@ -127,20 +136,24 @@ def test_links_lead_to_files_of_the_book(chapter):
         assert not path or (BOOK / path).is_file(), f"{target} leads nowhere"
         if anchor:
             name = Path(path).stem if path else chapter
-            assert anchor in [heading.replace(" ", "-") for heading in re.findall(r"^#+ (.*)$", prose(name), re.MULTILINE)]
+            assert anchor in [heading.replace(" ", "-")
+                              for heading in re.findall(r"^#+ (.*)$", prose(name), re.MULTILINE)]
 
 
 def test_markdown_needs_no_extension(chapter):
     text = without_code(prose(chapter))
-    assert not re.findall(r"^:::|\{(?:eq|cite|ref|math|numref)\}|\\eqref|\\label\{", text, re.MULTILINE)
+    assert not re.findall(r"^:::|\{(?:eq|cite|ref|math|numref)\}|\\eqref|\\label\{", text,
+                          re.MULTILINE)
     assert text.count("<details>") == text.count("</details>") == text.count("<summary>")
     assert not re.findall(r"</summary>\n(?!\n)", text), "a folded text begins after a blank line"
 
 
 def test_prose_follows_the_house_style(chapter):
     text = without_code(prose(chapter))
-    assert not re.findall(r"\b(?:simply|obviously|clearly|of course|trivial(?:ly)?)\b", text, re.IGNORECASE)
-    assert not re.findall(r"!(?!\[)", re.sub(r"\$.*?\$", "", text, flags=re.DOTALL)), "no exclamation marks"
+    assert not re.findall(r"\b(?:simply|obviously|clearly|of course|trivial(?:ly)?)\b", text,
+                          re.IGNORECASE)
+    assert not re.findall(r"!(?!\[)", re.sub(r"\$.*?\$", "", text,
+                                             flags=re.DOTALL)), "no exclamation marks"
 
 
 def test_has_the_parts_of_a_chapter(chapter):
@@ -156,7 +169,8 @@ def test_has_the_parts_of_a_chapter(chapter):
 def test_has_what_a_chapter_promises(chapter):
     text = prose(chapter)
     assert re.search(r"about \d+ minutes", text)
-    assert len(re.findall(r"^- \*\*\w+", text, re.MULTILINE)) >= 3, "objectives begin with a verb in bold"
+    assert len(re.findall(r"^- \*\*\w+", text,
+                          re.MULTILINE)) >= 3, "objectives begin with a verb in bold"
     assert re.search("^#+ .*limit check", text, re.MULTILINE | re.IGNORECASE)
     assert "by hand" in text.lower()
     code = "\n".join(cell["source"] for cell in cells(chapter, "code"))
@@ -164,13 +178,15 @@ def test_has_what_a_chapter_promises(chapter):
     assert set(made) == {str(int(chapter[:2]))}
     assert re.findall(r"^predict\(\"(\w+)\"", code, re.MULTILINE), "a chapter asks for a prediction"
     assert (set(re.findall(r"^\s*predict\(\s*\"(\w+)\"", code, re.MULTILINE))
-            == set(re.findall(r"^\s*answer\(\s*\"(\w+)\"", code, re.MULTILINE))), "each prediction is answered"
+            == set(re.findall(r"^\s*answer\(\s*\"(\w+)\"", code,
+                              re.MULTILINE))), "each prediction is answered"
     assert "recall()" in code
 
 
 def test_an_explorer_has_three_questions_and_answers(chapter):
     cells = NOTEBOOKS[chapter]["cells"]
-    places = [i for i, cell in enumerate(cells) for output in cell.get("outputs", []) if FLIPBOOK in output.get("data", {})]
+    places = [i for i, cell in enumerate(cells) for output in cell.get("outputs", [])
+              if FLIPBOOK in output.get("data", {})]
     assert places, "no explorer"
     for place in places:
         after = cells[place + 1]["source"]
@@ -188,17 +204,21 @@ def test_pictures_carry_their_words(chapter):
                 assert re.search(r'alt="[^"]{20,}"', tag)
             if FLIPBOOK in data:
                 frames = json.loads(data[FLIPBOOK])["frames"]
-                assert len({frame["reading"] for frame in frames}) == len(frames), "a frame's reading names its value"
+                assert len({frame["reading"]
+                            for frame
+                            in frames}) == len(frames), "a frame's reading names its value"
 
 
 def test_uses_nothing_that_a_later_chapter_explains(chapter):
-    later = {name for number, names in EXPLAINED.items() if number > int(chapter[:2]) for name in names}
+    later = {name for number, names in EXPLAINED.items() if number > int(chapter[:2])
+             for name in names}
     for cell in cells(chapter, "code"):
         for node in ast.walk(ast.parse(cell["source"])):
             if isinstance(node, ast.ImportFrom):
                 used = {node.module, *(alias.name for alias in node.names)}
             else:
-                used = {alias.name for alias in node.names} if isinstance(node, ast.Import) else set()
+                used = {alias.name for alias in node.names} if isinstance(node,
+                                                                          ast.Import) else set()
             assert not used & later, f"{used & later} comes later"
 
 
@@ -209,5 +229,6 @@ def test_is_not_large(chapter):
 def test_code_parses_and_imports_stand_where_they_are_needed(chapter):
     for cell in cells(chapter, "code"):
         tree = ast.parse(cell["source"])
-        starred = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.names[0].name == "*"]
+        starred = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
+                   and node.names[0].name == "*"]
         assert not starred

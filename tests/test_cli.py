@@ -1,4 +1,5 @@
-"""The command line: a student's files stay, mistakes get a sentence, exit codes are as documented."""
+"""The command line: a student's files stay, mistakes get a sentence, exit codes are as documented.
+"""
 
 import os
 import re
@@ -22,7 +23,8 @@ def book(tmp_path):
     """A small course with files that a student needs and files that a student does not."""
     folder = tmp_path / "book"
     for name in ["00-start-here.ipynb", "01-jeffcott.ipynb", "images/rotor.png",
-                 "conf.py", "instructor/solutions.ipynb", "_build/html/index.html", ".ipynb_checkpoints/00.ipynb"]:
+                 "conf.py", "instructor/solutions.ipynb", "_build/html/index.html",
+                 ".ipynb_checkpoints/00.ipynb"]:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(f"shipped {name}")
     return folder
@@ -44,7 +46,8 @@ def names(folder: Path) -> set[str]:
 
 def test_lab_copies_what_a_student_needs(book, tmp_path):
     copied, kept = cli.prepare_folder(tmp_path / "mine", book)
-    assert names(tmp_path / "mine") == {"00-start-here.ipynb", "01-jeffcott.ipynb", "images/rotor.png"}
+    assert names(tmp_path / "mine") == {"00-start-here.ipynb", "01-jeffcott.ipynb",
+                                        "images/rotor.png"}
     assert {path.as_posix() for path in copied} == names(tmp_path / "mine") and not kept
 
 
@@ -111,9 +114,11 @@ def test_the_book_is_found_in_a_clone_and_in_a_wheel(tmp_path, monkeypatch):
 
 def test_lab_opens_the_first_chapter(book):
     arguments = cli.lab_arguments(book, ip="127.0.0.1", port=8899, browser=False)
-    assert {"--LabApp.default_url=/lab/tree/00-start-here.ipynb", "--ServerApp.ip=127.0.0.1", "--ServerApp.port=8899",
+    assert {"--LabApp.default_url=/lab/tree/00-start-here.ipynb", "--ServerApp.ip=127.0.0.1",
+            "--ServerApp.port=8899",
             "--ServerApp.port_retries=0", "--no-browser"} <= set(arguments)
-    assert not any("port" in argument for argument in cli.lab_arguments(book, ip="127.0.0.1", port=None, browser=True))
+    assert not any("port" in argument for argument in cli.lab_arguments(book, ip="127.0.0.1",
+                                                                        port=None, browser=True))
 
 
 def assert_one_sentence(capsys, part: str) -> None:
@@ -152,7 +157,8 @@ def test_lab_refuses_what_is_no_port(capsys, port):
 
 def test_study_gets_what_was_asked(study, tmp_path):
     assert cli.main(["study"]) == 0
-    assert cli.main(["study", "my-unit.toml", "--out", str(tmp_path), "--family", "--no-figures"]) == 0
+    assert cli.main(["study", "my-unit.toml", "--out", str(tmp_path), "--family",
+                     "--no-figures"]) == 0
     assert study == [
         (("kaplan-150rpm",), {"out": Path("hydrolab-study"), "family": False, "figures": True}),
         (("my-unit.toml",), {"out": tmp_path, "family": True, "figures": False}),
@@ -176,7 +182,8 @@ def test_failures_are_sentences(study, monkeypatch, capsys, error, code, part):
 
 
 def test_a_mistake_of_the_library_keeps_its_traceback(study, monkeypatch):
-    monkeypatch.setattr(sys.modules["hydrolab.paper.report"], "study_command", lambda *a, **k: 1 / 0)
+    monkeypatch.setattr(sys.modules["hydrolab.paper.report"], "study_command", lambda *a,
+                        **k: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         cli.main(["study"])
 
@@ -206,16 +213,20 @@ def test_version(capsys):
 
 @pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
 def test_lab_starts_and_ctrl_c_ends_it(book, tmp_path):
-    code = ("import sys, pathlib, signal; from hydrolab import cli; cli.find_book = lambda: pathlib.Path(sys.argv[1]); "
-            "signal.signal(signal.SIGINT, signal.default_int_handler); "  # a background job starts with it ignored
+    code = ("import sys, pathlib, signal; from hydrolab import cli; cli.find_book = lambda: "
+            "pathlib.Path(sys.argv[1]); "
+            # a background job starts with it ignored
+            "signal.signal(signal.SIGINT, signal.default_int_handler); "
             "sys.exit(cli.main(sys.argv[2:]))")
-    process = subprocess.Popen([sys.executable, "-c", code, str(book), "lab", "--no-browser"], cwd=tmp_path, text=True,
+    process = subprocess.Popen([sys.executable, "-c", code, str(book), "lab", "--no-browser"],
+                               cwd=tmp_path, text=True,
                                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8",
                                env=os.environ | {"JUPYTER_CONFIG_DIR": str(tmp_path / "config")})
     try:
         lines = []
         deadline = time.monotonic() + 120
-        while not (lines and re.search(r"http://127\.0\.0\.1:\d+/lab", lines[-1])) and time.monotonic() < deadline:
+        while not (lines and re.search(r"http://127\.0\.0\.1:\d+/lab",
+                                       lines[-1])) and time.monotonic() < deadline:
             line = process.stdout.readline()
             assert line, "".join(lines)
             lines.append(line)
@@ -234,9 +245,12 @@ def test_lab_starts_and_ctrl_c_ends_it(book, tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="needs a POSIX pipe")
 def test_a_closed_pipe_is_no_traceback(tmp_path):
     code = ("import sys, types; m = types.ModuleType('hydrolab.paper.report'); "
-            "m.study_command = lambda *a, **k: [print('x' * 1000, flush=True) for _ in range(1000)] and 0; "
-            "sys.modules['hydrolab.paper.report'] = m; from hydrolab.cli import main; sys.exit(main(['study']))")
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+            "m.study_command = lambda *a, **k: [print('x' * 1000, flush=True) for _ in "
+            "range(1000)] and 0; "
+            "sys.modules['hydrolab.paper.report'] = m; from hydrolab.cli import main; "
+            "sys.exit(main(['study']))")
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE, text=True)
     process.stdout.readline()
     process.stdout.close()
     assert process.stderr.read() == ""

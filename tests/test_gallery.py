@@ -1,4 +1,6 @@
-"""Every script of the gallery runs as its reader runs it, in a folder of its own, and ends with what it found."""
+"""Every script of the gallery runs as its reader runs it, in a folder of its own, and ends with
+what it found.
+"""
 
 import os
 import subprocess
@@ -17,7 +19,8 @@ def test_script(script, tmp_path):
     text = script.read_text(encoding="utf-8")
     assert text.startswith('"""') and len(text.splitlines()) <= MOST, f"{script.name} is no page with a docstring"
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
-    done = subprocess.run([sys.executable, "-W", "error", str(script)], cwd=tmp_path, env=environment, capture_output=True,
+    done = subprocess.run([sys.executable, "-W", "error", str(script)], cwd=tmp_path,
+                          env=environment, capture_output=True,
                           text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
     said = [line for line in done.stdout.splitlines() if line]

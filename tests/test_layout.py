@@ -1,4 +1,6 @@
-"""What the tree promises: imports that point one way, a light import, clean files, documented names."""
+"""What the tree promises: imports that point one way, a light import, clean files, documented
+names.
+"""
 
 import ast
 import json
@@ -26,7 +28,8 @@ LAYERS = [
     ["hydrolab.cli"],
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
-# `unit.model()` reads well in a chapter; the method fetches the module that does the work when it is called.
+# `unit.model()` reads well in a chapter; the method fetches the module that does the work when it
+# is called.
 DEFERRED = {("hydrolab.machine.parts", "hydrolab.machine.model")}
 
 TOP_LEVEL = {"pyproject.toml", "book", "hydrolab", "tests", "environment-notes.md", "README.md"}
@@ -38,7 +41,8 @@ def module_name(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py")) if "_book" not in path.parts}
+MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))
+           if "_book" not in path.parts}
 TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
 
 
@@ -55,11 +59,14 @@ def rank(module: str) -> int:
 
 def is_for_types(node: ast.AST) -> bool:
     """Tell whether a statement is `if TYPE_CHECKING:`, which never runs."""
-    return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+    return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING",
+                                                                   "typing.TYPE_CHECKING")
 
 
 def imports(module: str, tree: ast.Module, *, deferred: bool = True) -> set[str]:
-    """Return the hydrolab modules that a module imports; deferred adds those that importing it does not import."""
+    """Return the hydrolab modules that a module imports; deferred adds those that importing it does
+    not import.
+    """
     found = set()
     nodes = list(tree.body)
     while nodes:
@@ -70,11 +77,14 @@ def imports(module: str, tree: ast.Module, *, deferred: bool = True) -> set[str]
             base = node.module or ""
             if node.level:
                 package = module.split(".") if MODULES[module].name == "__init__.py" else module.split(".")[:-1]
-                base = ".".join([*package[:len(package) - node.level + 1], *filter(None, [node.module])])
+                base = ".".join([*package[:len(package) - node.level + 1],
+                                 *filter(None, [node.module])])
             for alias in node.names:
                 inner = f"{base}.{alias.name}"
-                found.add(inner if inner in MODULES or (ROOT / inner.replace(".", "/")).is_dir() else base)
-        elif deferred or not (isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) or is_for_types(node)):
+                found.add(inner if inner in MODULES or (ROOT / inner.replace(".", "/")).is_dir()
+                          else base)
+        elif deferred or not (isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+                              or is_for_types(node)):
             nodes += ast.iter_child_nodes(node)
     return {name for name in found if name.split(".")[0] == "hydrolab"}
 
@@ -83,7 +93,8 @@ def imports(module: str, tree: ast.Module, *, deferred: bool = True) -> set[str]
 def test_imports_point_one_way(module):
     for imported in imports(module, TREES[module]):
         if (module, imported) in DEFERRED:
-            assert imported not in imports(module, TREES[module], deferred=False), f"{module} → {imported}: defer it"
+            assert imported not in imports(module, TREES[module],
+                                           deferred=False), f"{module} → {imported}: defer it"
             continue
         assert rank(imported) <= rank(module), f"{module} imports {imported}, which comes after it"
 
@@ -107,7 +118,8 @@ def test_the_solvers_do_not_know_machines():
     for module, tree in TREES.items():
         if module.startswith("hydrolab.dynamics"):
             known = imports(module, tree)
-            assert not known & {"hydrolab.machine.parts", "hydrolab.machine.cards"}, f"{module} knows what a Machine is"
+            assert not known & {"hydrolab.machine.parts",
+                                "hydrolab.machine.cards"}, f"{module} knows what a Machine is"
 
 
 def test_the_layer_test_sees_every_kind_of_import(monkeypatch):
@@ -122,28 +134,34 @@ def f():
     monkeypatch.setitem(MODULES, "hydrolab.figures.orbits", PACKAGE / "show" / "figures.py")
     monkeypatch.setitem(MODULES, "hydrolab.dynamics.modes", PACKAGE / "dynamics" / "modes.py")
     found = imports("hydrolab.dynamics.modes", ast.parse(source))
-    assert found == {"hydrolab.cli", "hydrolab.paper.study", "hydrolab.figures.orbits", "hydrolab.course.checks"}
+    assert found == {"hydrolab.cli", "hydrolab.paper.study", "hydrolab.figures.orbits",
+                     "hydrolab.course.checks"}
     assert all(rank(name) > rank("hydrolab.dynamics.modes") for name in found)
 
 
 def loaded_by(statement: str) -> set[str]:
     """Return the top-level packages that a fresh Python holds after a statement."""
     code = f"{statement}\nimport json, sys\nprint(json.dumps(sorted({{name.split('.')[0] for name in sys.modules}})))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, cwd=ROOT)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                          timeout=120, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     return set(json.loads(done.stdout.splitlines()[-1]))
 
 
 @pytest.mark.parametrize("statement", ["import hydrolab", "import hydrolab.cli"])
 def test_the_import_is_light(statement):
-    heavy = {"matplotlib", "ipywidgets", "viser", "sympy", "IPython", "jupyterlab", "jupyter_server"}
+    heavy = {"matplotlib", "ipywidgets", "viser", "sympy", "IPython", "jupyterlab",
+             "jupyter_server"}
     assert not heavy & loaded_by(statement)
 
 
 def public_definitions(tree: ast.Module):
-    """Yield the public functions and classes of a module, and the public methods of its public classes."""
+    """Yield the public functions and classes of a module, and the public methods of its public
+    classes.
+    """
     for node in tree.body:
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef
+                      | ast.ClassDef) and not node.name.startswith("_"):
             yield node.name, node
             if isinstance(node, ast.ClassDef):
                 for inner in node.body:
@@ -163,10 +181,12 @@ def project_files() -> list[Path]:
     """Return the project's own files: what git holds or would take, or all that no command made."""
     listed = None
     if (ROOT / ".git").exists():
-        listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard", "-z"], cwd=ROOT, capture_output=True,
+        listed = subprocess.run(["git", "ls-files", "-co", "--exclude-standard", "-z"], cwd=ROOT,
+                                capture_output=True,
                                 text=True, timeout=60, check=False)
     if listed is not None and listed.returncode == 0:
-        return [path for name in listed.stdout.split("\0") if name and (path := ROOT / name).is_file()]
+        return [path for name in listed.stdout.split("\0") if name
+                and (path := ROOT / name).is_file()]
     own = [path for path in ROOT.iterdir() if path.name in TOP_LEVEL | {".ci"}]
     files = [path for top in own for path in ([top] if top.is_file() else top.rglob("*"))]
     made = {"__pycache__", "_build", ".ipynb_checkpoints"}
@@ -183,9 +203,12 @@ def test_top_level():
 
 # Put together here so that this file does not hold what it looks for.
 UNWANTED = {
-    "a package registry's host": ["py" + "pi.org", "python" + "hosted.org", "npm" + "js.org", "npm" + "js.com",
-                                  "yarn" + "pkg.com", "deb." + "debian.org", "conda." + "anaconda.org"],
-    "a path of one machine": ["/ro" + "ot/", "/wo" + "rk/", "/ho" + "me/", "/Us" + "ers/", "\\Us" + "ers\\",
+    "a package registry's host": ["py" + "pi.org", "python" + "hosted.org", "npm" + "js.org",
+                                  "npm" + "js.com",
+                                  "yarn" + "pkg.com", "deb." + "debian.org",
+                                  "conda." + "anaconda.org"],
+    "a path of one machine": ["/ro" + "ot/", "/wo" + "rk/", "/ho" + "me/", "/Us" + "ers/",
+                              "\\Us" + "ers\\",
                               "/opt/" + "wheels", ".py" + "env/", "/tmp/" + "ipykernel"],
 }
 
@@ -207,10 +230,14 @@ def test_ci_runs_the_readme_line():
 
 def test_every_dependency_is_pinned_and_explained():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    lines = [*project["dependencies"], *(line for extra in project["optional-dependencies"].values() for line in extra)]
+    lines = [*project["dependencies"], *(line
+                                         for extra in project["optional-dependencies"].values()
+                                         for line in extra)]
     names = {re.match(r"[\w.-]+", line)[0].lower() for line in lines} - {"hydrolab"}
     pinned = {re.match(r"[\w.-]+", line)[0].lower()
-              for line in (ROOT / ".ci" / "constraints.txt").read_text(encoding="utf-8").splitlines()}
+              for line
+              in (ROOT / ".ci" / "constraints.txt").read_text(encoding="utf-8").splitlines()}
     notes = (ROOT / "environment-notes.md").read_text(encoding="utf-8").lower()
     assert names <= pinned, "make .ci/constraints.txt again (environment-notes.md says how)"
-    assert not {name for name in names if f"`{name}`" not in notes}, "environment-notes.md says why each one is there"
+    assert not {name for name in names
+                if f"`{name}`" not in notes}, "environment-notes.md says why each one is there"

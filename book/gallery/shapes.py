@@ -1,9 +1,11 @@
-"""A stator and a rotor out of round (Lundström and Aidanpää 2007): which shapes pull, in which direction, how often.
+"""A stator and a rotor out of round (Lundström and Aidanpää 2007): which shapes pull, in which
+direction, how often.
 
-A shape of one order alone does not pull a centred rotor. Two orders that differ by one do, with 3 k δ δ′/(2 g0): both on the
-stator make a force that stands still, both on the rotor one that turns with it, and one on each a force that turns n times
-in a revolution, n the order of the rotor's shape, forward if the stator's order is one less and backward if it is one more.
-Here the rule, which is of second order, meets the integral over the gap on the hydropower unit.
+A shape of one order alone does not pull a centred rotor. Two orders that differ by one do, with 3 k
+δ δ′/(2 g0): both on the stator make a force that stands still, both on the rotor one that turns
+with it, and one on each a force that turns n times in a revolution, n the order of the rotor's
+shape, forward if the stator's order is one less and backward if it is one more. Here the rule,
+which is of second order, meets the integral over the gap on the hydropower unit.
 """
 
 from dataclasses import replace
@@ -28,15 +30,18 @@ def quadrature(one, other) -> np.ndarray:
     return np.fft.fft(force[1] + 1j * force[0]) / 64
 
 
-pairs = [("stator", 3, "stator", 2), ("rotor", 3, "rotor", 2), ("rotor", 3, "stator", 2), ("rotor", 3, "stator", 4),
+pairs = [("stator", 3, "stator", 2), ("rotor", 3, "rotor", 2), ("rotor", 3, "stator", 2),
+         ("rotor", 3, "stator", 4),
          ("rotor", 2, "stator", 3), ("rotor", 4, "stator", 2)]
 rows = []
 for side, n, other_side, m in pairs:
     one, other = (side, Bulge(n, SIZE, 0.4)), (other_side, Bulge(m, SIZE, -0.3))
     rows.append((one, other, selection_rule(k, gap, one, other), quadrature(one, other)))
-off = max(abs(s[rule.turns] / (rule.size * np.exp(1j * rule.angle)) - 1) for *_, rule, s in rows if rule)
+off = max(abs(s[rule.turns] / (rule.size * np.exp(1j * rule.angle)) - 1) for *_, rule, s in rows
+          if rule)
 print(f"Finding: two shapes of 1 % of the gap whose orders differ by one pull a centred rotor with "
-      f"{rows[0][2].size / 1e3:.2f} kN; the rule has direction, frequency and size of all five such pairs within "
+      f"{rows[0][2].size / 1e3:.2f} kN; the rule has direction, frequency and size of all five "
+      "such pairs within "
       f"{100 * off:.2f} % of the integral.")
 print()
 print("shapes                    rule: kind, turns, kN            integral: turns, kN")
@@ -55,7 +60,8 @@ for words, shapes in (("round", ()), ("oval stator, three-lobed rotor", both)):
     print(f"   {words:32}" + ", ".join(f"{n}X {s:.2f}" for n, s in enumerate(sizes, 1)))
 print()
 degrees = np.arange(0, 360, 6)
-probe = gap + outline((Bulge(2, 4e-4, 0.5), Bulge(3, 2e-4, -0.2)), np.radians(degrees)) + 1e-5 * np.cos(37 * degrees)
+probe = gap + outline((Bulge(2, 4e-4, 0.5), Bulge(3, 2e-4, -0.2)),
+                      np.radians(degrees)) + 1e-5 * np.cos(37 * degrees)
 lines = [f"{a},{1e3 * g:.4f}" for a, g in zip(degrees, probe, strict=True)]
 Path("gap.csv").write_text("\n".join(["angle_deg,gap_mm", *lines]))
 measured = read_gap("gap.csv", orders=6)
@@ -63,5 +69,6 @@ print("A gap measured at 60 angles (made here, with an error of 10 µm):", measu
 model = replace(unit, shapes=gap_shapes("stator", measured.bulges, "measured")).model()
 print(f"Its pull on the centred rotor: {np.hypot(*model.law.force(np.zeros(2))) / 1e3:.2f} kN.")
 print()
-print("Not reproduced: the paper's shapes and its maps of whirling, because the text could not be read; the shapes here are "
+print("Not reproduced: the paper's shapes and its maps of whirling, because the text could not be "
+      "read; the shapes here are "
       "made up, and their pull follows the same integral.")

@@ -1,1 +1,3 @@
-"""What the course needs beside the library: notebooks kept fresh, drawings, explorers, answers to predictions."""
+"""What the course needs beside the library: notebooks kept fresh, drawings, explorers, answers to
+predictions.
+"""

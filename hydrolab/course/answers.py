@@ -1,4 +1,6 @@
-"""What an exercise asks for: the right answer as hydrolab computes it, its unit, and the mistakes that have a name."""
+"""What an exercise asks for: the right answer as hydrolab computes it, its unit, and the mistakes
+that have a name.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,9 @@ UNITS: Sequence[Mapping[str, float]] = tuple(MappingProxyType(kind) for kind in 
 
 
 def other_units(unit: str) -> dict[str, float]:
-    """The units one may mistake for `unit`, each with the factor from a value in `unit` to the same value in it."""
+    """The units one may mistake for `unit`, each with the factor from a value in `unit` to the same
+    value in it.
+    """
     kind = next((kind for kind in UNITS if unit in kind), {})
     return {other: factor / kind[unit] for other, factor in kind.items() if other != unit}
 
@@ -48,7 +52,8 @@ class Mistake:
 class Exercise:
     """One answer that an exercise asks for.
 
-    right: computes the answer. Its type is the type that is asked for: a number, a word, a list of either, an
+    right: computes the answer. Its type is the type that is asked for: a number, a word, a list of
+    either, an
         array, a dictionary, or an object of the library.
     see: the heading or the equation, "Eq. (2.4)", of the chapter that a hint points back to.
     unit: of numbers, one of `UNITS` where a mix-up is to be named.
@@ -56,7 +61,8 @@ class Exercise:
     mistakes: in the order in which they are looked for.
     choices: the words to choose from.
     measure: from an object to the numbers that are compared.
-    reply: for an open question, from an answer to what hydrolab computes of it; no answer is wrong then, and
+    reply: for an open question, from an answer to what hydrolab computes of it; no answer is wrong
+    then, and
         `right` is one example.
     """
 

@@ -1,4 +1,6 @@
-"""`check("2.1", answer)`: what is asked for, the unit, the value, and the mistakes that have a name, in this order."""
+"""`check("2.1", answer)`: what is asked for, the unit, the value, and the mistakes that have a
+name, in this order.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,9 @@ from hydrolab.course.exercises import exercise
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a check found: "unanswered", "type", "shape", "unit", "mistake", "wrong", "right" or "open", in words too."""
+    """What a check found: "unanswered", "type", "shape", "unit", "mistake", "wrong", "right" or
+    "open", in words too.
+    """
 
     found: str
     said: str
@@ -32,7 +36,8 @@ def check(number: str, answer: Any) -> None:
 def judge(asked: Exercise, answer: Any) -> Verdict:
     """Compare an answer with what an exercise asks for."""
     if answer is ...:
-        return Verdict("unanswered", "not answered yet. Put your answer in place of ... and run this cell again.")
+        return Verdict("unanswered", "not answered yet. Put your answer in place of ... and run "
+                                     "this cell again.")
     right = asked.right()
     if (fault := _type_fault(asked, right, answer)) is not None:
         return Verdict("type", fault)
@@ -66,7 +71,8 @@ def _is_finite(value: Any) -> bool:
 
 
 def _is_list(value: Any) -> bool:
-    return isinstance(value, Sequence | np.ndarray) and not isinstance(value, str) and not _is_number(value)
+    return isinstance(value, Sequence | np.ndarray) and not isinstance(value,
+                                                                       str) and not _is_number(value)
 
 
 def _type_fault(asked: Exercise, right: Any, answer: Any) -> str | None:
@@ -77,7 +83,8 @@ def _type_fault(asked: Exercise, right: Any, answer: Any) -> str | None:
             return f"a number{f' of {asked.unit}' if asked.unit else ''} is asked for; {got}."
         return None if _is_finite(answer) else f"a finite number is asked for; this is {answer!s:.20}."
     if isinstance(right, str):
-        if isinstance(answer, str) and (not asked.choices or _word(answer) in map(_word, asked.choices)):
+        if isinstance(answer, str) and (not asked.choices
+                                        or _word(answer) in map(_word, asked.choices)):
             return None
         choices = f"one of {', '.join(map(repr, asked.choices))}" if asked.choices else "a text"
         return f"{choices} is asked for; this is {answer!r:.40}." if isinstance(answer, str) else (
@@ -102,10 +109,12 @@ def _kind(value: Any) -> str:
 def _shape_fault(right: Any, answer: Any) -> str | None:
     """What is wrong with the size or the keys of an answer, or None."""
     if isinstance(right, Mapping):
-        missing, extra = sorted(set(right) - set(answer)), sorted(map(str, set(answer) - set(right)))
+        missing, extra = sorted(set(right) - set(answer)), sorted(map(str,
+                                                                      set(answer) - set(right)))
         if missing or extra:
             return (f"{len(right)} entries are asked for, {', '.join(map(str, right))}; "
-                    f"missing: {', '.join(map(str, missing)) or 'none'}; too many: {', '.join(extra) or 'none'}.")
+                    f"missing: {', '.join(map(str, missing)) or 'none'}; too many: "
+                    f"{', '.join(extra) or 'none'}.")
         return _entries_fault(list(right.values()), [answer[key] for key in right])
     if _is_list(right):
         wanted, got = np.shape(np.asarray(right)), _shape(answer)
@@ -140,7 +149,8 @@ def _values(asked: Exercise, answer: Any, keys: Mapping[Any, Any] | None) -> lis
         answer = asked.measure(answer)
     if keys is not None:
         answer = [answer[key] for key in keys]
-    return [_word(str(v)) if isinstance(v, str) else float(v) for v in np.ravel(np.asarray(answer)).tolist()]
+    return [_word(str(v)) if isinstance(v, str) else float(v)
+            for v in np.ravel(np.asarray(answer)).tolist()]
 
 
 def _same(asked: Exercise, answer: Any, other: Any, factor: float = 1.0) -> bool:
@@ -148,12 +158,16 @@ def _same(asked: Exercise, answer: Any, other: Any, factor: float = 1.0) -> bool
     keys = other if isinstance(other, Mapping) else None
     mine, theirs = _values(asked, answer, keys), _values(asked, other, keys)
     return len(mine) == len(theirs) and all(
-        a == b if isinstance(b, str) else abs(a - factor * b) <= abs(factor) * (asked.atol + asked.rtol * abs(b))
+        a == b if isinstance(b, str) else abs(a - factor * b) <= abs(factor)
+        * (asked.atol + asked.rtol * abs(b))
         for a, b in zip(mine, theirs, strict=True))
 
 
 def _mistaken_unit(asked: Exercise, right: Any, answer: Any) -> str | None:
     """The unit in which the answer would be right, if it is another one of the same kind."""
-    if not any(isinstance(v, float) and v for v in _values(asked, right, right if isinstance(right, Mapping) else None)):
+    if not any(isinstance(v, float) and v for v in _values(asked, right,
+                                                           right if isinstance(right, Mapping)
+                                                           else None)):
         return None
-    return next((unit for unit, factor in other_units(asked.unit).items() if _same(asked, answer, right, factor)), None)
+    return next((unit for unit, factor in other_units(asked.unit).items()
+                 if _same(asked, answer, right, factor)), None)

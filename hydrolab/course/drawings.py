@@ -1,6 +1,8 @@
-"""Drawings for the chapters: the axes on a machine, the air gap with its magnetic pressure. Not to scale where said.
+"""Drawings for the chapters: the axes on a machine, the air gap with its magnetic pressure. Not to
+scale where said.
 
-A machine from the side, with what its source states on the left and what was chosen for it on the right.
+A machine from the side, with what its source states on the left and what was chosen for it on the
+right.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ RUNNER = (1.3, 0.8)  # half width and height of the box drawn for a turbine, m: 
 ARROW = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "linewidth": 2.0, "mutation_scale": 18}
 
 
-def _arrow(axes: Axes, tail: tuple[float, float], tip: tuple[float, float], colour: str, **more: Any) -> None:
+def _arrow(axes: Axes, tail: tuple[float, float], tip: tuple[float, float], colour: str,
+           **more: Any) -> None:
     axes.annotate("", xy=tip, xytext=tail, arrowprops=ARROW | {"color": colour} | more)
 
 
@@ -38,16 +41,20 @@ def _arc(axes: Axes, radius: float, start: float, end: float, colour: str) -> No
 
 @house_style()
 def conventions_picture(machine: Machine) -> Picture:
-    """The machine from the side with y pointing down, and the plane across it from above with angle and spin."""
+    """The machine from the side with y pointing down, and the plane across it from above with angle
+    and spin.
+    """
     figure = new_figure(12, 6)
     side, above = figure.subplots(1, 2)
     _draw_side(side, machine)
     _draw_above(above)
     generator = machine.body(machine.air_gap.body)
     depth = f"{machine.shaft.nodes[generator.node] + generator.offset:.3f}".replace("-", "−")
-    words = (f"Left, {machine.name} from the side: y points down from the shaft top, the {generator.name}'s centre lies "
+    words = (f"Left, {machine.name} from the side: y points down from the shaft top, the "
+             f"{generator.name}'s centre lies "
              f"at y = {depth} m, the shaft ends at "
-             f"{machine.shaft.length:.2f} m. Right, the plane (x, z) from above: the gap angle φ runs from z towards x, "
+             f"{machine.shaft.length:.2f} m. Right, the plane (x, z) from above: the gap angle φ "
+             "runs from z towards x, "
              "and so does the spin, clockwise.")
     return Picture(figure, words)
 
@@ -55,24 +62,31 @@ def conventions_picture(machine: Machine) -> Picture:
 def _draw_side(axes: Axes, machine: Machine) -> None:
     shaft, gap = machine.shaft, machine.air_gap
     half = float(shaft.diameter.max()) / 2
-    axes.add_patch(Rectangle((-half, 0), 2 * half, shaft.length, color=COLOURS["axis"], alpha=0.45, linewidth=0))
+    axes.add_patch(Rectangle((-half, 0), 2 * half, shaft.length, color=COLOURS["axis"], alpha=0.45,
+                             linewidth=0))
     for body in machine.bodies:
         y = float(shaft.nodes[body.node]) + body.offset
-        wide, tall = (gap.mean_radius - gap.gap / 2, gap.length) if body.name == gap.body else RUNNER
-        axes.add_patch(Rectangle((-wide, y - tall / 2), 2 * wide, tall, color=COLOURS["rotor"], alpha=0.55, linewidth=0))
+        wide, tall = (gap.mean_radius - gap.gap / 2,
+                      gap.length) if body.name == gap.body else RUNNER
+        axes.add_patch(Rectangle((-wide, y - tall / 2), 2 * wide, tall, color=COLOURS["rotor"],
+                                 alpha=0.55, linewidth=0))
         axes.annotate(body.name, (0, y), ha="center", va="center", fontsize=12)
         if body.name == gap.body:
             for left in (-wide - 0.65, wide + 0.05):
-                axes.add_patch(Rectangle((left, y - tall / 2), 0.6, tall, color=COLOURS["stator"], linewidth=0))
-            axes.annotate("stator", (wide + 0.35, y - tall / 2 - 0.1), ha="center", va="bottom", fontsize=12)
+                axes.add_patch(Rectangle((left, y - tall / 2), 0.6, tall, color=COLOURS["stator"],
+                                         linewidth=0))
+            axes.annotate("stator", (wide + 0.35, y - tall / 2 - 0.1), ha="center", va="bottom",
+                          fontsize=12)
     for bearing in (*machine.bearings, *machine.thrust_bearings):
         y = float(shaft.nodes[bearing.node])
         for side in (-1, 1):
-            axes.add_patch(Rectangle((side * half - (side < 0) * 0.5, y - 0.12), 0.5, 0.24, color=COLOURS["bearing"]))
+            axes.add_patch(Rectangle((side * half - (side < 0) * 0.5, y - 0.12), 0.5, 0.24,
+                                     color=COLOURS["bearing"]))
         axes.annotate(bearing.name, (half + 0.65, y), va="center", fontsize=12)
     _arrow(axes, (-2.6, 1.2), (-2.6, 4.2), COLOURS["mean"])
     axes.annotate("y", (-2.6, 4.3), ha="center", va="top", fontsize=16)
-    axes.set(xlim=(-3.9, 5.0), ylim=(10.2, -1.7), aspect="equal", xlabel="x, m", ylabel="depth y, m",
+    axes.set(xlim=(-3.9, 5.0), ylim=(10.2, -1.7), aspect="equal", xlabel="x, m",
+             ylabel="depth y, m",
              title="From the side (the runner's size is a guess)")
 
 
@@ -83,7 +97,8 @@ def _draw_above(axes: Axes) -> None:
         _arrow(axes, (0.0, 0.0), tip, COLOURS["mean"])
         axes.annotate(name, at, ha="center", va="center", fontsize=16)
     _arc(axes, 0.55, 0.0, math.radians(50), COLOURS["1X"])
-    axes.plot([0, math.sin(math.radians(50))], [0, math.cos(math.radians(50))], color=COLOURS["1X"], linewidth=1.4)
+    axes.plot([0, math.sin(math.radians(50))], [0, math.cos(math.radians(50))],
+              color=COLOURS["1X"], linewidth=1.4)
     axes.annotate("φ", (0.27, 0.62), fontsize=16, color=COLOURS["axis"])
     _arc(axes, 0.8, math.radians(130), math.radians(230), COLOURS["rotor"])
     axes.annotate("spin Ω", (0.0, -0.6), ha="center", fontsize=14)
@@ -96,7 +111,8 @@ def _draw_above(axes: Axes) -> None:
 
 @house_style()
 def gap_picture(eccentricity: float) -> Picture:
-    """The gap around a rotor displaced along x by a fraction of the gap, the magnetic pressure, and what it adds up to.
+    """The gap around a rotor displaced along x by a fraction of the gap, the magnetic pressure, and
+    what it adds up to.
 
     The gap is drawn as a third of the rotor's radius.
     """
@@ -104,7 +120,8 @@ def gap_picture(eccentricity: float) -> Picture:
     figure = new_figure(6.6, 5.6)
     axes = figure.subplots()
     stator, centre = 1 + gap, eccentricity * gap
-    axes.fill(1.18 * stator * np.sin(TURN), 1.18 * stator * np.cos(TURN), color=COLOURS["stator"], alpha=0.5, linewidth=0)
+    axes.fill(1.18 * stator * np.sin(TURN), 1.18 * stator * np.cos(TURN), color=COLOURS["stator"],
+              alpha=0.5, linewidth=0)
     axes.fill(stator * np.sin(TURN), stator * np.cos(TURN), color="white", linewidth=0)
     axes.fill(centre + np.sin(TURN), np.cos(TURN), color=COLOURS["rotor"], alpha=0.3, linewidth=0)
     for angle in np.radians(np.arange(0, 360, 15)):
@@ -115,22 +132,28 @@ def gap_picture(eccentricity: float) -> Picture:
     axes.plot(0, 0, "x", color=COLOURS["axis"], markersize=9, markeredgewidth=2)
     axes.plot(centre, 0, "o", color=COLOURS["rotor"], markersize=7)
     if eccentricity:
-        _arrow(axes, (centre, 0.0), (centre + math.copysign(0.7, eccentricity), 0.0), COLOURS["mean"], linewidth=3.5)
-        axes.annotate("pull on the rotor", (centre + math.copysign(0.4, eccentricity), 0.06), ha="center", fontsize=13)
+        _arrow(axes, (centre, 0.0), (centre + math.copysign(0.7, eccentricity), 0.0),
+               COLOURS["mean"], linewidth=3.5)
+        axes.annotate("pull on the rotor", (centre + math.copysign(0.4, eccentricity), 0.06),
+                      ha="center", fontsize=13)
     axes.annotate("stator centre", (-0.05, -0.06), ha="right", va="top", fontsize=12)
     axes.annotate("x", (1.72, 0), fontsize=15, va="center")
     axes.annotate("z", (0, 1.68), fontsize=15, ha="center")
     axes.set(xlim=(-1.8, 1.85), ylim=(-1.7, 1.8), aspect="equal")
     axes.set_axis_off()
     strongest, weakest = (1 - abs(eccentricity)) ** -2, (1 + abs(eccentricity)) ** -2
-    return Picture(figure, f"The rotor is displaced by {100 * eccentricity:.0f} % of the gap along x (the gap is drawn "
-                           f"far too wide): the magnetic pressure is {strongest:.2f} times its mean-gap value where the "
-                           f"gap is smallest and {weakest:.2f} times where it is largest, so the pull acts along "
+    return Picture(figure, f"The rotor is displaced by {100 * eccentricity:.0f} % of the gap along "
+                           "x (the gap is drawn "
+                           f"far too wide): the magnetic pressure is {strongest:.2f} times its "
+                           "mean-gap value where the "
+                           f"gap is smallest and {weakest:.2f} times where it is largest, so the "
+                           "pull acts along "
                            f"{'+' if eccentricity > 0 else '−'}x, towards the small gap.")
 
 
 STATED = ("paper", "Table 1")
-WHENCE = {"paper": "stand in the paper's text", "Table 1": "in its Table 1", "calibrated": "are calibrated",
+WHENCE = {"paper": "stand in the paper's text", "Table 1": "in its Table 1",
+          "calibrated": "are calibrated",
           "assumed": "assumed", "derived": "derived"}
 LETTERS = {"young": "E", "density": "ρ", "poisson": "ν", "shear_coefficient": "shear coefficient κ"}
 SIDE = 4.6  # m, from the axis to the columns of words
@@ -148,15 +171,20 @@ def _words(machine: Machine, prefix: str, stated: bool) -> str:
     for key, entry in machine.provenance.items():
         name = key.rpartition(".")[2]
         if key.startswith(f"{prefix}.") and (entry.source in STATED) == stated and name != "nodes":
-            value = quantity(float(f"{entry.value:.4g}"), entry.unit).replace("^2", "²").replace("^3", "³")
+            value = quantity(float(f"{entry.value:.4g}"), entry.unit).replace("^2",
+                                                                              "²").replace("^3",
+                                                                                           "³")
             found.append(f"{LETTERS.get(name, name.replace('_', ' '))} {value}")
     return ", ".join(found)
 
 
 def _parts(machine: Machine) -> list[tuple[str, str, float, str]]:
-    """(name, prefix of its keys, depth in m, what is chosen of its place) of each part that is labelled."""
+    """(name, prefix of its keys, depth in m, what is chosen of its place) of each part that is
+    labelled.
+    """
     nodes = machine.shaft.nodes
-    rows = [(b.name, f"bodies.{b.name}", float(nodes[b.node] + b.offset), "") for b in machine.bodies]
+    rows = [(b.name, f"bodies.{b.name}", float(nodes[b.node] + b.offset), "")
+            for b in machine.bodies]
     rows += [(b.name, f"bearings.{b.name}", float(nodes[b.node]), f"depth {nodes[b.node]:.3f} m")
              for b in (*machine.bearings, *machine.thrust_bearings)]
     return sorted(rows, key=lambda row: row[2])
@@ -164,35 +192,45 @@ def _parts(machine: Machine) -> list[tuple[str, str, float, str]]:
 
 def _label(axes: Axes, side: int, depth: float, name: str, words: str) -> None:
     if words:
-        axes.text(side * SIDE, depth, textwrap.fill(f"{name}: {words}", 38), ha="right" if side < 0 else "left",
+        axes.text(side * SIDE, depth, textwrap.fill(f"{name}: {words}", 38),
+                  ha="right" if side < 0 else "left",
                   va="center", fontsize=12, color=LEFT if side < 0 else RIGHT)
-        axes.plot([side * 0.5, side * (SIDE - 0.1)], [depth, depth], color=LEFT if side < 0 else RIGHT, linewidth=0.8)
+        axes.plot([side * 0.5, side * (SIDE - 0.1)], [depth, depth],
+                  color=LEFT if side < 0 else RIGHT, linewidth=0.8)
 
 
 @house_style()
 def sources_picture(machine: Machine) -> Picture:
-    """The machine from the side, to scale, each part with its stated numbers (left) and its chosen ones (right)."""
+    """The machine from the side, to scale, each part with its stated numbers (left) and its chosen
+    ones (right).
+    """
     shaft, gap = machine.shaft, machine.air_gap
     figure = new_figure(12.5, 6.2)
     axes = figure.subplots()
     half = float(shaft.diameter.max()) / 2
-    axes.add_patch(Rectangle((-half, 0), 2 * half, shaft.length, color=COLOURS["axis"], alpha=0.45, linewidth=0))
+    axes.add_patch(Rectangle((-half, 0), 2 * half, shaft.length, color=COLOURS["axis"], alpha=0.45,
+                             linewidth=0))
     for name, prefix, depth, place in _parts(machine):
         if prefix.startswith("bodies"):
-            wide, tall = (gap.mean_radius - gap.gap / 2, gap.length) if gap and name == gap.body else RUNNER
-            axes.add_patch(Rectangle((-wide, depth - tall / 2), 2 * wide, tall, color=COLOURS["rotor"], alpha=0.4,
+            wide, tall = (gap.mean_radius - gap.gap / 2,
+                          gap.length) if gap and name == gap.body else RUNNER
+            axes.add_patch(Rectangle((-wide, depth - tall / 2), 2 * wide, tall,
+                                     color=COLOURS["rotor"], alpha=0.4,
                                      linewidth=0))
         else:
             for side, marker in ((-1, ">"), (1, "<")):
                 axes.plot(side * (half + 0.2), depth, marker, color=COLOURS["axis"], markersize=11)
         _label(axes, -1, depth, name, _words(machine, prefix, True))
-        _label(axes, 1, depth, name, ", ".join(filter(None, (place, _words(machine, prefix, False)))))
+        _label(axes, 1, depth, name, ", ".join(filter(None,
+                                                      (place, _words(machine, prefix, False)))))
     _label(axes, -1, 0.72 * shaft.length, "shaft", _words(machine, "shaft", True))
     _label(axes, 1, 0.72 * shaft.length, "shaft", _words(machine, "shaft", False))
-    axes.set(ylim=(shaft.length + 1.0, -1.6), xlim=(-12, 12), ylabel="y, m (down)", xticks=[], aspect="equal")
+    axes.set(ylim=(shaft.length + 1.0, -1.6), xlim=(-12, 12), ylabel="y, m (down)", xticks=[],
+             aspect="equal")
     axes.grid(visible=False)
     for side, title in ((-1, "stated by the paper"), (1, "chosen for this course")):
-        axes.text(side * SIDE, -1.35, title, ha="right" if side < 0 else "left", fontsize=14, weight="bold",
+        axes.text(side * SIDE, -1.35, title, ha="right" if side < 0 else "left", fontsize=14,
+                  weight="bold",
                   color=LEFT if side < 0 else RIGHT)
     number = counts(machine)
     words = (f"Of the {number.total()} numbers on the card of {machine.name}, "

@@ -1,4 +1,6 @@
-"""A copy of the course to hand out: the chapters as they are, without the folded solutions and answers."""
+"""A copy of the course to hand out: the chapters as they are, without the folded solutions and
+answers.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ FOLDED = re.compile(r"\n*<details>\s*<summary>[^<]*(?:Solution|Answer|answer)[^<
 
 
 def without_solutions(notebook: Notebook) -> Notebook:
-    """The notebook without what a student opens after having tried; stubs, checks and outputs stay."""
+    """The notebook without what a student opens after having tried; stubs, checks and outputs stay.
+    """
     cells = []
     for cell in notebook["cells"]:
         if cell["cell_type"] == "markdown" and FOLDED.search(cell["source"]):
@@ -28,14 +31,16 @@ def without_solutions(notebook: Notebook) -> Notebook:
 
 
 def hand_out(book: Path, files: Iterable[Path], folder: Path) -> str:
-    """Write `files`, relative to the book, into a folder, notebooks without solutions; return one sentence.
+    """Write `files`, relative to the book, into a folder, notebooks without solutions; return one
+    sentence.
 
     Raises BadInput where the folder holds anything: a copy must not mix with somebody's work.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise BadInput(f"--students is {folder}, which is not an empty folder; name a new one.")
     if folder.resolve().is_relative_to(book):
-        raise BadInput(f"--students is {folder}, inside the shipped course; choose a folder elsewhere.")
+        raise BadInput(f"--students is {folder}, inside the shipped course; choose a folder "
+                       "elsewhere.")
     count = 0
     for relative in files:
         target = folder / relative
@@ -46,5 +51,6 @@ def hand_out(book: Path, files: Iterable[Path], folder: Path) -> str:
             count += 1
         else:
             shutil.copyfile(book / relative, target)
-    return (f"{count} chapters without solutions are in {folder}. The checks stay: they tell right from wrong and name "
+    return (f"{count} chapters without solutions are in {folder}. The checks stay: they tell right "
+            "from wrong and name "
             "mistakes, and compute their reference when a student asks.")

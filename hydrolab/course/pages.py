@@ -1,9 +1,10 @@
 """The page of the static book that lists every public name, written from the docstrings.
 
-From a stored chapter to a page of the static book: anchors, links between equations, flip-books, the bibliography.
+From a stored chapter to a page of the static book: anchors, links between equations, flip-books,
+the bibliography.
 
-Chapters are plain Markdown that JupyterLab shows as it is. What a page can do beyond that is added here, when Sphinx
-reads the source; the notebooks stay as they are.
+Chapters are plain Markdown that JupyterLab shows as it is. What a page can do beyond that is added
+here, when Sphinx reads the source; the notebooks stay as they are.
 """
 
 from __future__ import annotations
@@ -29,9 +30,13 @@ MARKS = re.compile(r"([*_<>$#\[\]~^\\])")
 
 
 def api_page() -> str:
-    """Markdown: the names a chapter imports, then every module with its public functions and classes."""
-    names = [f"| `{name}` | {_first_sentence(getattr(hydrolab, name))} |" for name in sorted(hydrolab.__all__)]
-    parts = ["# The library", "", "What `from hydrolab import …` gives. Written from the docstrings.", "",
+    """Markdown: the names a chapter imports, then every module with its public functions and
+    classes.
+    """
+    names = [f"| `{name}` | {_first_sentence(getattr(hydrolab, name))} |"
+             for name in sorted(hydrolab.__all__)]
+    parts = ["# The library", "", "What `from hydrolab import …` gives. Written from the "
+                                  "docstrings.", "",
              "| name | what it is |", "|---|---|", *names, ""]
     for module in modules():
         parts += [f"## {module.__name__}", "", _prose(inspect.getdoc(module) or ""), ""]
@@ -58,7 +63,8 @@ def modules() -> Iterator[ModuleType]:
 def public_names(module: ModuleType) -> Iterator[tuple[str, Any]]:
     """The public functions and classes that a module defines itself, in the order of its text."""
     found = [(name, value) for name, value in vars(module).items() if not name.startswith("_")
-             and (inspect.isfunction(value) or inspect.isclass(value)) and value.__module__ == module.__name__]
+             and (inspect.isfunction(value) or inspect.isclass(value))
+             and value.__module__ == module.__name__]
     return iter(sorted(found, key=lambda pair: inspect.getsourcelines(pair[1])[1]))
 
 
@@ -75,7 +81,8 @@ def _signature(name: str, value: Any) -> str:
         found = inspect.signature(value)
     except (TypeError, ValueError):
         return name
-    shown = [parameter.replace(annotation=_bare(parameter.annotation)) for parameter in found.parameters.values()]
+    shown = [parameter.replace(annotation=_bare(parameter.annotation))
+             for parameter in found.parameters.values()]
     return f"{name}{found.replace(parameters=shown, return_annotation=_bare(found.return_annotation))}"
 
 
@@ -90,12 +97,14 @@ def _bare(annotation: Any) -> Any:
 
 
 def _first_sentence(value: Any) -> str:
-    return _prose((inspect.getdoc(value) or "").split("\n\n")[0]).replace("\n", " ").replace("|", "\\|")
+    return _prose((inspect.getdoc(value) or "").split("\n\n")[0]).replace("\n", " ").replace("|",
+                                                                                             "\\|")
 
 
 def _prose(text: str) -> str:
     """A docstring as Markdown: code stays, other marks are meant as written."""
-    return "".join(part if i % 2 else MARKS.sub(r"\\\1", part) for i, part in enumerate(CODE.split(text)))
+    return "".join(part if i % 2 else MARKS.sub(r"\\\1", part)
+                   for i, part in enumerate(CODE.split(text)))
 
 
 DISPLAY = re.compile(r"^\$\$.*?\\tag\{([^}]*)\}\s*\$\$", re.DOTALL | re.MULTILINE)
@@ -103,9 +112,11 @@ DISPLAY = re.compile(r"^\$\$.*?\\tag\{([^}]*)\}\s*\$\$", re.DOTALL | re.MULTILIN
 APART = re.compile(r"(```.*?```|`[^`\n]*`|\$\$.*?\$\$|\$[^$\n]*\$|!?\[[^\]]*\]\([^)]*\)|<[^>\n]*>)", re.DOTALL)
 NAMED = re.compile(r"\((\d+\.\d+)\)")
 DOI = re.compile(r"\bdoi:(10\.\d{4,}/[^\s,;]*[^\s,;.])")
-PARTS = {"A rotor in a field": range(0, 4), "Steady states": range(4, 6), "The machine": range(6, 9),
+PARTS = {"A rotor in a field": range(0, 4), "Steady states": range(4, 6),
+         "The machine": range(6, 9),
          "The study": range(9, 13)}
-SCENES = {0: ((0.088, 0),), 10: ((0.0, 0), (0.05, 0), (0.088, 0), (0.088, 2))}  # static eccentricities and legs, by chapter
+# static eccentricities and legs, by chapter
+SCENES = {0: ((0.088, 0),), 10: ((0.0, 0), (0.05, 0), (0.088, 0), (0.088, 2))}
 PAGES = ("notation", "glossary", "errata", "bibliography", "api")  # for reference
 REFERENCE = re.compile(r"^- (.*?\*(?P<title>[^*\n]+)\*.*)$", re.MULTILINE)
 
@@ -123,7 +134,8 @@ def _joined(text: str | list[str]) -> str:
 
 def chapters(book: Path) -> dict[str, Notebook]:
     """Every notebook of the book by the name of its page, in order."""
-    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(book.glob("[0-9]*.ipynb"))}
+    return {path.stem: json.loads(path.read_text(encoding="utf-8"))
+            for path in sorted(book.glob("[0-9]*.ipynb"))}
 
 
 def heading_anchor(title: str) -> str:
@@ -132,12 +144,16 @@ def heading_anchor(title: str) -> str:
 
 
 def contents(book: Path, more: Sequence[str] = ()) -> str:
-    """The tables of contents below the first page: chapters by part, pages for reference, and `more` pages."""
+    """The tables of contents below the first page: chapters by part, pages for reference, and
+    `more` pages.
+    """
     names = list(chapters(book))
-    lists = {part: [name for name in names if int(name[:2]) in numbers] for part, numbers in PARTS.items()}
+    lists = {part: [name for name in names if int(name[:2]) in numbers]
+             for part, numbers in PARTS.items()}
     lists |= {"Reference": list(PAGES), "For instructors": list(more)}
     return "\n".join(line for part, pages in lists.items() if pages
-                     for line in ("", "```{toctree}", f":caption: {part}", ":titlesonly:", "", *pages, "```", ""))
+                     for line in ("", "```{toctree}", f":caption: {part}", ":titlesonly:", "",
+                                  *pages, "```", ""))
 
 
 def equations(book: Path) -> dict[str, str]:
@@ -158,12 +174,15 @@ def chapter_page(text: str, places: Mapping[str, str]) -> str:
 
 
 def scene_name(static_eccentricity: float, leg: int) -> str:
-    """The name of a recorded scene's file, without its ending: per cent of the gap, and the leg as people count."""
+    """The name of a recorded scene's file, without its ending: per cent of the gap, and the leg as
+    people count.
+    """
     return f"{100 * static_eccentricity:g}-{leg + 1}"
 
 
 def with_scenes(text: str, readings: Mapping[str, str]) -> str:
-    """A chapter's file with recorded 3D scenes before its exercises, under a heading; each loads when a reader comes near.
+    """A chapter's file with recorded 3D scenes before its exercises, under a heading; each loads
+    when a reader comes near.
 
     readings: what each scene shows, by where its file is.
     """
@@ -175,8 +194,10 @@ def with_scenes(text: str, readings: Mapping[str, str]) -> str:
     for place, reading in readings.items():
         words = html.escape(reading, quote=True)
         scene += f'\n\n<iframe class="scene" loading="lazy" title="{words}" src="{place}"></iframe>\n\n{words}'
-    at = next(i for i, cell in enumerate(notebook["cells"]) if "## Exercises" in _joined(cell["source"]).split("\n"))
-    notebook["cells"].insert(at, {"cell_type": "markdown", "id": "scene", "metadata": {}, "source": scene})
+    at = next(i for i, cell in enumerate(notebook["cells"])
+              if "## Exercises" in _joined(cell["source"]).split("\n"))
+    notebook["cells"].insert(at, {"cell_type": "markdown", "id": "scene", "metadata": {},
+                                  "source": scene})
     return json.dumps(notebook)
 
 
@@ -210,16 +231,22 @@ def _open_flipbooks(cell: Cell) -> None:
     for output in cell["outputs"]:
         data = output.get("data", {})
         if FLIPBOOK in data:
-            data["text/html"] = flipbook_figure(_joined(data["text/html"]), json.loads(_joined(data.pop(FLIPBOOK))))
+            data["text/html"] = flipbook_figure(_joined(data["text/html"]),
+                                                json.loads(_joined(data.pop(FLIPBOOK))))
 
 
 def flipbook_figure(still: str, book: Mapping) -> str:
-    """The still picture with a slider below it; a page without JavaScript shows the still picture alone."""
+    """The still picture with a slider below it; a page without JavaScript shows the still picture
+    alone.
+    """
     label, start = html.escape(book["label"]), book["start"]
     frames = json.dumps(book["frames"], ensure_ascii=False).replace("</", "<\\/")
-    return (f'<div class="flipbook" data-whole="{book["whole"]}" data-width="{book["width"]}">{still}'
-            f'<label class="flipbook-slider" hidden>{label} <input type="range" min="0" max="{len(book["frames"]) - 1}" '
-            f'step="1" value="{start}"/> <output>{html.escape(book["frames"][start]["value"])}</output></label>'
+    return (f'<div class="flipbook" data-whole="{book["whole"]}" '
+            f'data-width="{book["width"]}">{still}'
+            f'<label class="flipbook-slider" hidden>{label} <input type="range" min="0" '
+            f'max="{len(book["frames"]) - 1}" '
+            f'step="1" value="{start}"/> '
+            f'<output>{html.escape(book["frames"][start]["value"])}</output></label>'
             f'<script type="application/json">{frames}</script></div>')
 
 
@@ -236,5 +263,6 @@ def bibliography_page(book: Path) -> str:
     for words, named_in in sorted(entries.values(), key=lambda entry: entry[0].lower()):
         links = ", ".join(f"[{int(name[:2])}]({name}.ipynb)" for name in named_in)
         rows.append(f"- {_in_running_text(words, _with_doi)} Named in chapter {links}.")
-    return "\n".join(["# Bibliography", "", "Collected from the chapters; the note is that of the first chapter that names "
+    return "\n".join(["# Bibliography", "", "Collected from the chapters; the note is that of the "
+                                            "first chapter that names "
                       "the publication. Some are cited from memory and say so.", "", *rows, ""])

@@ -1,4 +1,6 @@
-"""What a student predicted, beside what was computed: `predict` keeps it, `answer` answers it, `recall` tells it all."""
+"""What a student predicted, beside what was computed: `predict` keeps it, `answer` answers it,
+`recall` tells it all.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ _KEPT: dict[str, Prediction] = {}  # of this kernel, that is, of one chapter
 
 
 def predict(name: str, value: Any, unit: str = "", *, choices: Sequence[str] = ()) -> None:
-    """Keep a prediction, a number of `unit` or one of `choices`, until `answer` is called with the same name.
+    """Keep a prediction, a number of `unit` or one of `choices`, until `answer` is called with the
+    same name.
 
     `...` is a prediction not made yet: it is kept as such, with a word on how to make it.
     """
@@ -43,7 +46,8 @@ def answer(name: str, computed: float | str, why: str = "") -> None:
     Raises BadInput for a name that was not predicted.
     """
     if name not in _KEPT:
-        raise BadInput(f"Nothing was predicted under {name!r}; run the cell with predict({name!r}, …) first. "
+        raise BadInput(f"Nothing was predicted under {name!r}; run the cell with predict({name!r}, "
+                       "…) first. "
                        f"Predicted so far: {', '.join(_KEPT) or 'nothing'}.")
     kept = _KEPT[name]
     kept.outcome = answered(kept.value, computed, kept.unit)
@@ -51,13 +55,16 @@ def answer(name: str, computed: float | str, why: str = "") -> None:
 
 
 def recall() -> None:
-    """Print every prediction of this chapter with its outcome, in the order in which they were made."""
+    """Print every prediction of this chapter with its outcome, in the order in which they were
+    made.
+    """
     for name, kept in _KEPT.items():
         print(f"{name}: {kept.outcome or 'not computed yet; run the cells above.'}")
 
 
 def answered(prediction: Any, computed: float | str, unit: str = "") -> str:
-    """One sentence: the prediction, the computed value, how far apart they are; `...` is a prediction not made yet.
+    """One sentence: the prediction, the computed value, how far apart they are; `...` is a
+    prediction not made yet.
 
     computed: a number, shown with three significant digits, or a word that was to be chosen.
     """

@@ -1,7 +1,9 @@
-"""The README's picture: the eccentricity explorer as it stands at 8.8 %, where the orbit has a loop.
+"""The README's picture: the eccentricity explorer as it stands at 8.8 %, where the orbit has a
+loop.
 
-`python -m hydrolab.course.readme_picture [FILE]` draws it and prints the Markdown line that shows it, with its reading
-as alt text; FILE is book/images/eccentricity.png by default. No widget and no browser takes part.
+`python -m hydrolab.course.readme_picture [FILE]` draws it and prints the Markdown line that shows
+it, with its reading as alt text; FILE is book/images/eccentricity.png by default. No widget and no
+browser takes part.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ def readme_picture() -> Picture:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the picture and print the line for the README."""
-    parser = argparse.ArgumentParser(prog="python -m hydrolab.course.readme_picture", description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m hydrolab.course.readme_picture",
+                                     description=__doc__.split("\n\n")[0])
     parser.add_argument("file", nargs="?", type=Path, default=FILE)
     file = parser.parse_args(arguments).file
     file.parent.mkdir(parents=True, exist_ok=True)

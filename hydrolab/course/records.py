@@ -1,8 +1,9 @@
-"""Vibration records of the unit with one fault, as a monitoring system would store them: what chapter 12 reads.
+"""Vibration records of the unit with one fault, as a monitoring system would store them: what
+chapter 12 reads.
 
-The motion is a steady state by harmonic balance, sampled in step with the revolution, with noise. Each machine is
-recorded twice, with the field and without. Which fault a numbered machine has follows from its number by a hash, so
-that it stands nowhere in the record.
+The motion is a steady state by harmonic balance, sampled in step with the revolution, with noise.
+Each machine is recorded twice, with the field and without. Which fault a numbered machine has
+follows from its number by a hash, so that it stands nowhere in the record.
 """
 
 from __future__ import annotations
@@ -24,8 +25,10 @@ from hydrolab.machine.cards import load_machine, vary
 from hydrolab.machine.parts import Machine
 from hydrolab.machine.pull import ShapedPull
 
-ECCENTRICITY, UNBALANCE, OVALITY, SOFT = FAULTS = ("static eccentricity", "unbalance", "gap ovality", "soft bearing")
-SIZES: Mapping[str, tuple[float, float]] = {  # fraction of the gap, factor, fraction of the gap, factor
+ECCENTRICITY, UNBALANCE, OVALITY, SOFT = FAULTS = ("static eccentricity", "unbalance",
+                                                   "gap ovality", "soft bearing")
+# fraction of the gap, factor, fraction of the gap, factor
+SIZES: Mapping[str, tuple[float, float]] = {
     ECCENTRICITY: (0.055, 0.083), UNBALANCE: (1.8, 3.0), OVALITY: (0.05, 0.11), SOFT: (0.5, 0.75)}
 PLACES = ("generator", "guide bearing", "turbine bearing")
 REVOLUTIONS, SAMPLES = 32, 128  # of a record, and in a revolution
@@ -39,9 +42,9 @@ GUIDE_STIFFNESS = "bearings.generator guide bearing.stiffness"
 class Condition:
     """What a machine is like: its fault and the imperfections that every machine has.
 
-    static_eccentricity: fraction of the gap, with the gap angle `direction` (rad) of the stator's offset. unbalance:
-    factor on the card's. ovality: the gap is g0 (1 − ovality cos 2(φ − axis)). bearing: factor on the stiffness of the
-    guide bearing.
+    static_eccentricity: fraction of the gap, with the gap angle `direction` (rad) of the stator's
+    offset. unbalance: factor on the card's. ovality: the gap is g0 (1 − ovality cos 2(φ − axis)).
+    bearing: factor on the stiffness of the guide bearing.
     """
 
     static_eccentricity: float = 0.01
@@ -87,9 +90,9 @@ class Recording:
 class Evidence:
     """What two records say in numbers; lengths in m, 0-to-peak, at the generator.
 
-    pulled: how far the field draws the mean position. first, first_off: long half axis of 1X with and without field.
-    roundness: ratio of the axes of 1X with field. second: 2X, long half axis. bearing_share: 1X at the guide
-    bearing over 1X at the generator, without field.
+    pulled: how far the field draws the mean position. first, first_off: long half axis of 1X with
+    and without field. roundness: ratio of the axes of 1X with field. second: 2X, long half axis.
+    bearing_share: 1X at the guide bearing over 1X at the generator, without field.
     """
 
     pulled: float
@@ -100,8 +103,10 @@ class Evidence:
     bearing_share: float
 
     def __str__(self) -> str:
-        return (f"field draws the mean by {1e6 * self.pulled:.0f} µm; 1X {1e6 * self.first:.0f} µm with field, "
-                f"{1e6 * self.first_off:.0f} µm without; roundness {self.roundness:.2f}; 2X {1e6 * self.second:.1f} µm; "
+        return (f"field draws the mean by {1e6 * self.pulled:.0f} µm; 1X {1e6 * self.first:.0f} µm "
+                "with field, "
+                f"{1e6 * self.first_off:.0f} µm without; roundness {self.roundness:.2f}; 2X "
+                f"{1e6 * self.second:.1f} µm; "
                 f"guide bearing moves {100 * self.bearing_share:.0f} % as much as the generator")
 
 
@@ -113,7 +118,8 @@ def unit() -> Machine:
 
 def steady_state(condition: Condition, *, field: bool = True) -> PeriodicOrbit:
     """The steady state of the unit in a condition, with its field or without."""
-    model = vary(unit(), {GUIDE_STIFFNESS: condition.bearing * unit().bearings[0].stiffness}).model()
+    model = vary(unit(), {GUIDE_STIFFNESS: condition.bearing
+                          * unit().bearings[0].stiffness}).model()
     if condition.ovality:
         angle = 2 * np.pi * np.arange(ANGLES) / ANGLES
         shape = model.gap * (1 - condition.ovality * np.cos(2 * (angle - condition.axis)))
@@ -145,15 +151,19 @@ def healthy() -> Recording:
 
 
 def condition_of(number: int) -> tuple[str, Condition]:
-    """The fault of a numbered machine and its condition: fault, sizes and directions come from a hash of the number."""
+    """The fault of a numbered machine and its condition: fault, sizes and directions come from a
+    hash of the number.
+    """
     digest = hashlib.sha256(f"hydrolab unit {number}".encode()).digest()
     fault = FAULTS[digest[0] % 4]
     u = np.frombuffer(digest[1:9], dtype=np.uint8) / 255
     low, high = SIZES[fault]
     size = low + u[0] * (high - low)
     condition = Condition(0.005 + 0.01 * u[1], 2 * math.pi * u[2], 0.9 + 0.2 * u[3])
-    key = {ECCENTRICITY: "static_eccentricity", UNBALANCE: "unbalance", OVALITY: "ovality", SOFT: "bearing"}[fault]
-    return fault, replace(condition, **{key: size}, axis=math.pi * u[4] if fault == OVALITY else 0.0)
+    key = {ECCENTRICITY: "static_eccentricity", UNBALANCE: "unbalance", OVALITY: "ovality",
+           SOFT: "bearing"}[fault]
+    return fault, replace(condition, **{key: size},
+                          axis=math.pi * u[4] if fault == OVALITY else 0.0)
 
 
 def unknown_machine(number: int) -> Recording:
@@ -168,12 +178,16 @@ def evidence(case: Recording) -> Evidence:
     """The numbers by which chapter 12 tells the faults apart."""
     on, off = case.with_field.coefficients(), case.without_field.coefficients()
     first_off = ellipse(off).major
-    return Evidence(float(np.hypot(*(on - off)[:, 0])), ellipse(on).major, first_off, ellipse(on).ratio,
-                    ellipse(on, 2).major, ellipse(case.without_field.coefficients("guide bearing")).major / first_off)
+    return Evidence(float(np.hypot(*(on - off)[:, 0])), ellipse(on).major, first_off,
+                    ellipse(on).ratio,
+                    ellipse(on, 2).major,
+                    ellipse(case.without_field.coefficients("guide bearing")).major / first_off)
 
 
 def diagnose(found: Evidence, reference: Evidence) -> str:
-    """The fault that the evidence points to, against the machine when it was put into service, or "none"."""
+    """The fault that the evidence points to, against the machine when it was put into service, or
+    "none".
+    """
     if found.bearing_share > 1.1 * reference.bearing_share:
         return SOFT
     if found.first_off > 1.4 * reference.first_off:
@@ -184,33 +198,42 @@ def diagnose(found: Evidence, reference: Evidence) -> str:
 
 
 TELLS: Mapping[frozenset[str], str] = {  # what tells two faults apart
-    frozenset((ECCENTRICITY, UNBALANCE)): "Without field an eccentric stator does nothing, and an unbalance stays.",
-    frozenset((ECCENTRICITY, OVALITY)): "An eccentric stator draws the mean position to one side; an oval gap pulls to both "
+    frozenset((ECCENTRICITY, UNBALANCE)): "Without field an eccentric stator does nothing, and an "
+                                          "unbalance stays.",
+    frozenset((ECCENTRICITY, OVALITY)): "An eccentric stator draws the mean position to one side; "
+                                        "an oval gap pulls to both "
                                         "sides alike. Look at the mean.",
-    frozenset((ECCENTRICITY, SOFT)): "A soft bearing lets the guide bearing move more for the same motion of the generator, "
+    frozenset((ECCENTRICITY, SOFT)): "A soft bearing lets the guide bearing move more for the same "
+                                     "motion of the generator, "
                                      "with field or without. Look at its share.",
-    frozenset((UNBALANCE, OVALITY)): "An unbalance leaves the orbit round and is there without field. Look at the axes of "
+    frozenset((UNBALANCE, OVALITY)): "An unbalance leaves the orbit round and is there without "
+                                     "field. Look at the axes of "
                                      "1X, and at the record without field.",
-    frozenset((UNBALANCE, SOFT)): "Both make 1X larger and leave it round. An unbalance scales every place alike; a soft "
+    frozenset((UNBALANCE, SOFT)): "Both make 1X larger and leave it round. An unbalance scales "
+                                  "every place alike; a soft "
                                   "bearing raises the share of the guide bearing.",
-    frozenset((OVALITY, SOFT)): "An oval gap flattens the orbit and does nothing without field. Look at the share of the "
+    frozenset((OVALITY, SOFT)): "An oval gap flattens the orbit and does nothing without field. "
+                                "Look at the share of the "
                                 "guide bearing without field.",
 }
 SAID: Mapping[str, str] = {
-    ECCENTRICITY: "a static eccentricity of {:.1%} of the gap", UNBALANCE: "{:.2f} times the unbalance",
+    ECCENTRICITY: "a static eccentricity of {:.1%} of the gap", UNBALANCE: "{:.2f} times the "
+    "unbalance",
     OVALITY: "an oval gap, ± {:.1%}", SOFT: "a guide bearing at {:.0%} of its stiffness"}
 
 
 def size_said(number: int) -> str:
     """The fault of a numbered machine with its size, in words."""
     fault, condition = condition_of(number)
-    size = {ECCENTRICITY: condition.static_eccentricity, UNBALANCE: condition.unbalance, OVALITY: condition.ovality,
+    size = {ECCENTRICITY: condition.static_eccentricity, UNBALANCE: condition.unbalance,
+            OVALITY: condition.ovality,
             SOFT: condition.bearing}[fault]
     return SAID[fault].format(size).replace("%", " %")
 
 
 def grade(number: int, fault: str) -> str:
-    """What to say to whoever names the fault of a numbered machine: right, or what would have told the two apart.
+    """What to say to whoever names the fault of a numbered machine: right, or what would have told
+    the two apart.
 
     Raises BadInput for a fault that is none of the four.
     """

@@ -1,4 +1,6 @@
-"""The static book: Sphinx over the stored chapters, warnings as errors, nothing fetched when a page is read."""
+"""The static book: Sphinx over the stored chapters, warnings as errors, nothing fetched when a page
+is read.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +25,13 @@ NEEDED = ("sphinx", "myst_nb", "sphinx_book_theme")
 def build(book: Path, out: Path, *, instructor: bool = False) -> str:
     """Build the pages into `out` and return one sentence on them.
 
-    instructor: with the instructor's pages. Raises BadInput where the tools are missing, or with Sphinx's words where
-    a page has a fault.
+    instructor: with the instructor's pages. Raises BadInput where the tools are missing, or with
+    Sphinx's words where a page has a fault.
     """
     missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     if missing:
-        raise BadInput(f"The static book needs {', '.join(missing)}; install hydrolab with its extra: "
+        raise BadInput(f"The static book needs {', '.join(missing)}; install hydrolab with its "
+                       "extra: "
                        'pip install -e ".[book]"')
     with tempfile.TemporaryDirectory(prefix="hydrolab-book-") as work:
         mathjax, scenes = fetch_mathjax(Path(work)), Path(work, "scenes")
@@ -37,16 +40,19 @@ def build(book: Path, out: Path, *, instructor: bool = False) -> str:
                    "-d", str(Path(work, "doctrees")), "-D", f"scenes={scenes}",
                    *(["-t", "instructor"] if instructor else []), str(book), str(out)]
         done = subprocess.run(command, capture_output=True, text=True, check=False,
-                              env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
+                              env=os.environ
+                              | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))})
         if done.returncode:
-            raise BadInput(f"The static book was not built:\n{done.stderr.strip()[-4000:] or done.stdout[-2000:]}")
+            raise BadInput("The static book was not "
+                           f"built:\n{done.stderr.strip()[-4000:] or done.stdout[-2000:]}")
         shutil.copytree(scenes, out / "_static" / "scenes", dirs_exist_ok=True)
         if mathjax is not None:
             shutil.copyfile(mathjax, out / "_static" / "tex-svg.js")
     pages = len(list(out.glob("*.html")))
     said = f"{pages} pages; open {out / 'index.html'}"
     return said if mathjax is not None else (
-        f"{said}. Formulas stand there as TeX: MathJax was not fetched, because npm is missing or reaches no registry. "
+        f"{said}. Formulas stand there as TeX: MathJax was not fetched, because npm is missing or "
+        "reaches no registry. "
         "Install npm and build again.")
 
 
@@ -56,16 +62,20 @@ def record_scenes(folder: Path) -> None:
     folder.mkdir()
     for eccentricity, leg in sorted(set().union(*SCENES.values())):
         name = folder / f"{scene_name(eccentricity, leg)}.html"
-        name.with_suffix(".txt").write_text(record_machine(machine, name, eccentricity, leg, turns=1), encoding="utf-8")
+        name.with_suffix(".txt").write_text(record_machine(machine, name, eccentricity, leg,
+                                                           turns=1), encoding="utf-8")
 
 
 def fetch_mathjax(folder: Path) -> Path | None:
-    """Fetch MathJax with npm into a folder and return its one file; None where npm is missing or fails."""
+    """Fetch MathJax with npm into a folder and return its one file; None where npm is missing or
+    fails.
+    """
     npm = shutil.which("npm")
     if npm is None:
         return None
     name, member = MATHJAX
-    done = subprocess.run([npm, "pack", "--silent", name], cwd=folder, capture_output=True, text=True, timeout=120,
+    done = subprocess.run([npm, "pack", "--silent", name], cwd=folder, capture_output=True,
+                          text=True, timeout=120,
                           check=False)
     archive = folder / done.stdout.strip().split("\n")[-1]
     if done.returncode or not archive.is_file():

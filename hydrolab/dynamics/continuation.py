@@ -1,7 +1,7 @@
 """Pseudo-arclength continuation of any smooth curve of solutions, past its folds.
 
-It knows only a system (y, λ) → (residual, ∂/∂y, ∂/∂λ), so it follows a circle as readily as a rotor.
-After Keller (1977) and Seydel (2010).
+It knows only a system (y, λ) → (residual, ∂/∂y, ∂/∂λ), so it follows a circle as readily as a
+rotor. After Keller (1977) and Seydel (2010).
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ ParametrisedSystem = Callable[[NDArray, float], tuple[NDArray, NDArray, NDArray]
 
 @dataclass(frozen=True)
 class Step:
-    """One point of a curve: unknowns, parameter, unit tangent in (y, λ), residual (an upper bound), iterations."""
+    """One point of a curve: unknowns, parameter, unit tangent in (y, λ), residual (an upper bound),
+    iterations.
+    """
 
     y: NDArray
     parameter: float
@@ -33,10 +35,11 @@ class Step:
 
 def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance: float = 1e-10,
             max_steps: int = 8) -> Step | None:
-    """Return to the curve within the plane through z normal to the tangent; None if Newton does not settle.
+    """Return to the curve within the plane through z normal to the tangent; None if Newton does not
+    settle.
 
-    One bordered solve with two right-hand sides gives the Newton step and the tangent at the same time; the new
-    tangent points the way of the old one.
+    One bordered solve with two right-hand sides gives the Newton step and the tangent at the same
+    time; the new tangent points the way of the old one.
     """
     n = len(z) - 1
     bordered = np.empty((n + 1, n + 1), order="F")
@@ -55,18 +58,22 @@ def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance:
         if singular:
             return None
         z -= answer[:, 0]
-        if size < tolerance:  # the last step is taken without looking back: the bordered matrix is regular at folds
+        # the last step is taken without looking back: the bordered matrix is regular at folds
+        if size < tolerance:
             new = answer[:, 1]
             return Step(z[:n], float(z[n]), new / math.sqrt(new @ new), size, iterations)
     return None
 
 
-def arclength(system: ParametrisedSystem, y: NDArray, parameter: float, *, toward: float = 1.0, step: float = 0.01,
-              max_step: float = 0.05, min_step: float = 1e-7, max_turn: float = 0.15) -> Iterator[Step]:
+def arclength(system: ParametrisedSystem, y: NDArray, parameter: float, *, toward: float = 1.0,
+              step: float = 0.01,
+              max_step: float = 0.05, min_step: float = 1e-7,
+              max_turn: float = 0.15) -> Iterator[Step]:
     """Walk along the curve from a point on it, yielding one `Step` after another, for ever.
 
-    toward: sign of the first change of the parameter. step: first step along the curve, in the scaled norm of
-    (y, λ). max_turn: the tangent turns less than this (rad) in a step. Ends where no step down to `min_step` succeeds.
+    toward: sign of the first change of the parameter. step: first step along the curve, in the
+    scaled norm of (y, λ). max_turn: the tangent turns less than this (rad) in a step. Ends where no
+    step down to `min_step` succeeds.
     """
     z = np.append(y, parameter)
     along = np.zeros(len(z))
@@ -90,7 +97,9 @@ def arclength(system: ParametrisedSystem, y: NDArray, parameter: float, *, towar
 
 
 def land(system: ParametrisedSystem, before: Step, after: Step, parameter: float) -> Step | None:
-    """The point between two steps where the parameter has this value; None if Newton does not settle there."""
+    """The point between two steps where the parameter has this value; None if Newton does not
+    settle there.
+    """
     share = (parameter - before.parameter) / (after.parameter - before.parameter)
     z = np.append(before.y + share * (after.y - before.y), parameter)
     fixed = np.zeros(len(z))
@@ -98,21 +107,26 @@ def land(system: ParametrisedSystem, before: Step, after: Step, parameter: float
     found = correct(system, z, fixed, max_steps=12)
     if found is None:
         return None
-    return replace(found, parameter=parameter, tangent=math.copysign(1.0, before.tangent[-1]) * found.tangent)
+    return replace(found, parameter=parameter,
+                   tangent=math.copysign(1.0, before.tangent[-1]) * found.tangent)
 
 
 def locate_fold(system: ParametrisedSystem, before: Step, after: Step) -> Step:
-    """The point between two steps where the parameter turns: λ' = 0 along the curve, by a bracketed secant."""
+    """The point between two steps where the parameter turns: λ' = 0 along the curve, by a bracketed
+    secant.
+    """
     start = np.append(before.y, before.parameter)
     span = float(before.tangent @ (np.append(after.y, after.parameter) - start))
     points: dict[float, Step] = {0.0: before, span: after}
 
     def slope(s: float) -> float:
         if s not in points:
-            point = correct(system, start + s * before.tangent, before.tangent, tolerance=1e-12, max_steps=12)
+            point = correct(system, start + s * before.tangent, before.tangent, tolerance=1e-12,
+                            max_steps=12)
             if point is None:
                 raise NoConvergence("The curve was lost between two of its points, at parameters "
-                                    f"{before.parameter:.6g} and {after.parameter:.6g}; use a smaller `max_step`.")
+                                    f"{before.parameter:.6g} and {after.parameter:.6g}; use a "
+                                    "smaller `max_step`.")
             points[s] = point
         return float(points[s].tangent[-1])
 

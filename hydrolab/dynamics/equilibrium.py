@@ -19,7 +19,8 @@ TURNS_BACK = 1e-6  # relative: how closely the largest offset with an equilibriu
 class Equilibrium:
     """A static equilibrium q: K q = Sᵀ F(S q − centre).
 
-    local: the nonlinear coordinates S q, (c,). displacement: q, (n,). static_eccentricity: fraction of the gap.
+    local: the nonlinear coordinates S q, (c,). displacement: q, (n,). static_eccentricity: fraction
+    of the gap.
     """
 
     model: Model
@@ -32,7 +33,8 @@ class Equilibrium:
     def stiffness(self) -> NDArray:
         """K − Sᵀ (∂F/∂u) S, N/m, (n, n): what a small push away from it meets."""
         S = self.model.selection
-        return self.model.K - S.T @ self.model.law.linearise(self.model.relative(self.local, self.centre))[1] @ S
+        return self.model.K - S.T @ self.model.law.linearise(self.model.relative(self.local,
+                                                                                 self.centre))[1] @ S
 
     @property
     def statically_stable(self) -> bool:
@@ -41,22 +43,28 @@ class Equilibrium:
         return bool(np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[0] > 0)
 
     def eigenvalues(self, speed: float) -> NDArray:
-        """Eigenvalues λ, 1/s, of small motions e^{λt} about it at a speed (rad/s), largest real part first, (2n,)."""
+        """Eigenvalues λ, 1/s, of small motions e^{λt} about it at a speed (rad/s), largest real
+        part first, (2n,).
+        """
         m = self.model
         n, inverse = m.size, np.linalg.inv(m.M)
         values = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)],
-                                             [-inverse @ self.stiffness, -inverse @ m.velocity_matrix(speed)]]))
+                                             [-inverse @ self.stiffness,
+                                              -inverse @ m.velocity_matrix(speed)]]))
         return values[np.argsort(-values.real)]
 
 
-def equilibrium(model: Model, static_eccentricity: float, *, direction: float = math.pi / 2, steps: int = 20) -> Equilibrium:
-    """The equilibrium that is reached when the stator is moved from the middle to its offset, in steps.
+def equilibrium(model: Model, static_eccentricity: float, *, direction: float = math.pi / 2,
+                steps: int = 20) -> Equilibrium:
+    """The equilibrium that is reached when the stator is moved from the middle to its offset, in
+    steps.
 
     static_eccentricity: fraction of the gap. direction: gap angle of the offset, rad.
     Raises NoConvergence where there is none, BadInput for a law that depends on velocity or phase.
     """
     if model.law.moving:
-        raise BadInput(f"{model.name} has a force of velocity or phase, so it does not rest; solve for its steady state.")
+        raise BadInput(f"{model.name} has a force of velocity or phase, so it does not rest; solve "
+                       "for its steady state.")
     compliance = np.linalg.solve(model.K, model.selection.T)
     felt, scale, one = model.selection @ compliance, model.length_scale, np.eye(len(model.selection))
 
@@ -66,7 +74,8 @@ def equilibrium(model: Model, static_eccentricity: float, *, direction: float = 
             return y - felt @ force / scale, one - felt @ slope
         solution = newton(system, y)
         if not solution.converged:
-            raise NoConvergence(f"No equilibrium was found at {100 * static_eccentricity:.4g} %: the pull is stronger than "
+            raise NoConvergence(f"No equilibrium was found at {100 * static_eccentricity:.4g} %: "
+                                "the pull is stronger than "
                                 "the shaft. Lower the offset or the field.")
         return solution.y
 
@@ -78,7 +87,8 @@ def equilibrium(model: Model, static_eccentricity: float, *, direction: float = 
 
 
 def largest_offset(model: Model, *, direction: float = math.pi / 2) -> float:
-    """Largest static eccentricity (fraction of the gap) with a statically stable equilibrium; 0 if there is none at rest.
+    """Largest static eccentricity (fraction of the gap) with a statically stable equilibrium; 0 if
+    there is none at rest.
 
     Found by bisection between the middle and the whole gap.
     """

@@ -2,12 +2,14 @@
 
 For each harmonic k the linear machine answers a force f̂_k on the nonlinear coordinates u = S q by
 u_k = u_lin,k + S Z_k⁻¹ Sᵀ f̂_k with Z_k = K − (kΩ)² M + ikΩ (C + ΩG), Eq. (16) in complex form. The
-inverse of that small compliance, D_k, is the dynamic stiffness of the whole machine as the generator
-feels it, so H(Y) = Λ (Y − Y_lin) − Z(Y), Eq. (19), has c(2m + 1) unknowns at any number of elements, where c is
-the number of nonlinear coordinates: 2 where the pull is the only force that is not linear.
+inverse of that small compliance, D_k, is the dynamic stiffness of the whole machine as the
+generator feels it, so H(Y) = Λ (Y − Y_lin) − Z(Y), Eq. (19), has c(2m + 1) unknowns at any number
+of elements, where c is the number of nonlinear coordinates: 2 where the pull is the only force that
+is not linear.
 
-Coefficients are stored per coordinate as [mean, sin 1, cos 1, sin 2, cos 2, …], shape (c, 2m + 1). Where the period
-is that of q revolutions, harmonic k turns with kΩ/q and the unbalance is in harmonic q.
+Coefficients are stored per coordinate as [mean, sin 1, cos 1, sin 2, cos 2, …], shape (c, 2m + 1).
+Where the period is that of q revolutions, harmonic k turns with kΩ/q and the unbalance is in
+harmonic q.
 
 The harmonic balance method: one steady state, and natural continuation as the paper does it.
 """
@@ -30,19 +32,21 @@ from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 from hydrolab.machine.quantities import number, require_model, turning, whole
 
-SINGULAR = 1e-15  # reciprocal condition number below which a dynamic stiffness has no inverse to speak of
+# reciprocal condition number below which a dynamic stiffness has no inverse to speak of
+SINGULAR = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
 class Condensed:
-    """A model at one speed, seen from its c nonlinear coordinates; unknowns y = Y / length, flattened.
+    """A model at one speed, seen from its c nonlinear coordinates; unknowns y = Y / length,
+    flattened.
 
-    stiffness: Λ scaled by `length`/`force`, (cK, cK) with K = 2m + 1. linear: Y_lin / length, (c, K).
-    synthesis: samples of the position from y, (K, N), m. analysis: coefficients from N forces, (N, K), 1/N.
-    products: analysis and synthesis in one, (N, K²), so that the AFT Jacobian is one matrix product.
-    phase: Ωt of the samples, rad, (N,). rate, rate_products: as synthesis and products, for the velocity, m/s.
-    recovery, shaft_linear: q_k = shaft_linear_k + recovery_k (u_k − u_lin,k), all DOFs, complex.
-    revolutions: in a period.
+    stiffness: Λ scaled by `length`/`force`, (cK, cK) with K = 2m + 1. linear: Y_lin / length, (c,
+    K). synthesis: samples of the position from y, (K, N), m. analysis: coefficients from N forces,
+    (N, K), 1/N. products: analysis and synthesis in one, (N, K²), so that the AFT Jacobian is one
+    matrix product. phase: Ωt of the samples, rad, (N,). rate, rate_products: as synthesis and
+    products, for the velocity, m/s. recovery, shaft_linear: q_k = shaft_linear_k + recovery_k (u_k
+    − u_lin,k), all DOFs, complex. revolutions: in a period.
     """
 
     model: Model
@@ -64,7 +68,9 @@ class Condensed:
     revolutions: int = 1
 
     def position(self, y: NDArray, centre: NDArray) -> NDArray:
-        """Samples of the nonlinear coordinates, m, (c, N), the generator's counted from the stator centre (2,), m."""
+        """Samples of the nonlinear coordinates, m, (c, N), the generator's counted from the stator
+        centre (2,), m.
+        """
         position = y.reshape(len(self.linear), -1) @ self.synthesis
         position[:2] -= centre[:, None]
         return position
@@ -76,15 +82,18 @@ class Condensed:
     def residual(self, y: NDArray, centre: NDArray) -> NDArray:
         """H(Y) of Eq. (19), scaled; centre: stator centre, m."""
         position, law = self.position(y, centre), self.model.law
-        force = law.force_at(position, self.velocity(y), self.phase, self.speed) if law.moving else law.force(position)
+        force = law.force_at(position, self.velocity(y), self.phase,
+                             self.speed) if law.moving else law.force(position)
         return self.stiffness @ (y - self.linear.ravel()) - (force @ self.analysis).ravel()
 
     def linearise(self, y: NDArray, centre: NDArray) -> tuple[NDArray, NDArray]:
-        """H(Y) and its exact Jacobian by alternating frequency and time (Cameron and Griffin 1989)."""
+        """H(Y) and its exact Jacobian by alternating frequency and time (Cameron and Griffin 1989).
+        """
         position, law = self.position(y, centre), self.model.law
         c, columns, samples = len(position), *self.synthesis.shape
         if law.moving:
-            force, slope, damping = law.linearise_at(position, self.velocity(y), self.phase, self.speed)
+            force, slope, damping = law.linearise_at(position, self.velocity(y), self.phase,
+                                                     self.speed)
             pull = (slope.reshape(c * c, samples) @ self.products
                     + damping.reshape(c * c, samples) @ self.rate_products)
         else:
@@ -96,12 +105,15 @@ class Condensed:
 
 
 def dynamic_stiffness(model: Model, w: float, speed: float) -> NDArray:
-    """Z = K − w² M + iw (C + ΩG), complex, (n, n), at an angular frequency w and a speed Ω, rad/s."""
+    """Z = K − w² M + iw (C + ΩG), complex, (n, n), at an angular frequency w and a speed Ω, rad/s.
+    """
     return model.K - w**2 * model.M + 1j * w * model.velocity_matrix(speed)
 
 
 def in_sines(stiffness: NDArray) -> NDArray:
-    """Complex c × c stiffnesses of the harmonics 0 … m as the real matrix on [mean, sin 1, cos 1, …] of x, then z, …"""
+    """Complex c × c stiffnesses of the harmonics 0 … m as the real matrix on [mean, sin 1, cos 1,
+    …] of x, then z, …
+    """
     columns, count = 2 * len(stiffness) - 1, stiffness.shape[1]
     real = np.zeros((count, columns, count, columns))
     real[:, 0, :, 0] = stiffness[0].real
@@ -113,13 +125,15 @@ def in_sines(stiffness: NDArray) -> NDArray:
 
 
 @lru_cache(maxsize=64)
-def condense(model: Model, speed: float, harmonics: int, samples: int, revolutions: int = 1) -> Condensed:
-    """Eliminate the linear DOFs of a model at one speed; cached, since a branch asks again and again.
+def condense(model: Model, speed: float, harmonics: int, samples: int,
+             revolutions: int = 1) -> Condensed:
+    """Eliminate the linear DOFs of a model at one speed; cached, since a branch asks again and
+    again.
 
     revolutions: in the period that the harmonics share.
 
-    Raises BadInput where the machine can move freely (no static stiffness) or the speed is a resonance
-    without damping.
+    Raises BadInput where the machine can move freely (no static stiffness) or the speed is a
+    resonance without damping.
     """
     n, c, length = model.size, len(model.selection), model.length_scale
     amplitudes = np.zeros((harmonics + 1, n), dtype=complex)
@@ -133,7 +147,8 @@ def condense(model: Model, speed: float, harmonics: int, samples: int, revolutio
             loads[:, c] = speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin)
         factors, _, answer, singular = zgesv(dynamic, loads)
         if singular or not zgecon(factors, np.abs(dynamic).sum(axis=0).max())[0] > SINGULAR:
-            raise BadInput(f"{model.name} at {speed:g} rad/s has no finite response in harmonic {k / revolutions:g}: "
+            raise BadInput(f"{model.name} at {speed:g} rad/s has no finite response in harmonic "
+                           f"{k / revolutions:g}: "
                            + ("it can move freely, so give it bearings." if k == 0 else
                               "an undamped resonance; add damping or change the speed."))
         stiffness[k] = np.linalg.inv(model.selection @ answer[:, :c])
@@ -156,16 +171,19 @@ def condense(model: Model, speed: float, harmonics: int, samples: int, revolutio
         synthesis=synthesis, analysis=analysis,
         products=np.einsum("nk,ln->nkl", analysis, synthesis).reshape(samples, -1),
         phase=revolutions * turn, rate=rate,
-        rate_products=np.einsum("nk,ln->nkl", analysis, rate if model.law.moving else rate[:0]).reshape(samples, -1),
+        rate_products=np.einsum("nk,ln->nkl", analysis,
+                                rate if model.law.moving else rate[:0]).reshape(samples, -1),
         recovery=recovery, shaft_linear=amplitudes, revolutions=revolutions,
     )
 
 
-def condensed_slope(eq: Condensed, dynamic: Sequence[NDArray], load: NDArray) -> tuple[NDArray, NDArray]:
-    """Derivatives of `stiffness` and `linear` when each Z_k changes by `dynamic[k]` and the 1X load by `load`.
+def condensed_slope(eq: Condensed, dynamic: Sequence[NDArray],
+                    load: NDArray) -> tuple[NDArray, NDArray]:
+    """Derivatives of `stiffness` and `linear` when each Z_k changes by `dynamic[k]` and the 1X load
+    by `load`.
 
-    From D = (S Z⁻¹ Sᵀ)⁻¹ follows D' = (D S Z⁻¹) Z' (Z⁻¹ Sᵀ D), and from Z q = F, q' = Z⁻¹ (F' − Z' q).
-    dynamic: one complex (n, n) matrix for each harmonic 0 … m. load: complex, (n,).
+    From D = (S Z⁻¹ Sᵀ)⁻¹ follows D' = (D S Z⁻¹) Z' (Z⁻¹ Sᵀ D), and from Z q = F, q' = Z⁻¹ (F' − Z'
+    q). dynamic: one complex (n, n) matrix for each harmonic 0 … m. load: complex, (n,).
     """
     model, speed, c = eq.model, eq.speed, len(eq.linear)
     stiffness = np.empty((eq.harmonics + 1, c, c), dtype=complex)
@@ -173,7 +191,8 @@ def condensed_slope(eq: Condensed, dynamic: Sequence[NDArray], load: NDArray) ->
     for k in range(eq.harmonics + 1):
         dynamic_k = dynamic_stiffness(model, k * speed / eq.revolutions, speed)
         answer = np.linalg.solve(dynamic_k.T, model.selection.T.astype(complex)).T
-        stiffness[k] = np.linalg.inv(answer @ model.selection.T) @ answer @ dynamic[k] @ eq.recovery[k]
+        stiffness[k] = np.linalg.inv(answer
+                                     @ model.selection.T) @ answer @ dynamic[k] @ eq.recovery[k]
         if k == eq.revolutions:
             linear[k] = answer @ (load - dynamic[k] @ eq.shaft_linear[k])
     return in_sines(stiffness) * (eq.length / eq.force), from_complex(linear.T) / eq.length
@@ -183,9 +202,10 @@ def condensed_slope(eq: Condensed, dynamic: Sequence[NDArray], load: NDArray) ->
 class HarmonicBalance:
     """Harmonic balance with m harmonics and alternating frequency and time, Eqs. (10) to (19).
 
-    harmonics: m. samples: time samples in a period for the AFT step; by default 16 a harmonic, at least 64.
-    solver: `newton` or `powell_dog_leg` of hydrolab.dynamics.solvers. revolutions: q in a period; harmonic k then has
-    the frequency kΩ/q, for motions that repeat every q revolutions only.
+    harmonics: m. samples: time samples in a period for the AFT step; by default 16 a harmonic, at
+    least 64. solver: `newton` or `powell_dog_leg` of hydrolab.dynamics.solvers. revolutions: q in a
+    period; harmonic k then has the frequency kΩ/q, for motions that repeat every q revolutions
+    only.
     """
 
     harmonics: int = 4
@@ -197,10 +217,13 @@ class HarmonicBalance:
         whole("harmonics", self.harmonics, 1, 64)
         if not isinstance(self.aft_samples, int) or self.aft_samples < 2 * self.harmonics + 2:
             raise BadInput(f"samples is {self.samples!r}; {self.harmonics} harmonics need at least "
-                           f"{2 * self.harmonics + 2}, and several times that for a pull without aliasing.")
-        whole("revolutions", self.revolutions, 1, self.harmonics, "the harmonics, so that the unbalance is among them")
+                           f"{2 * self.harmonics + 2}, and several times that for a pull without "
+                           "aliasing.")
+        whole("revolutions", self.revolutions, 1, self.harmonics, "the harmonics, so that the "
+              "unbalance is among them")
         if not callable(self.solver):
-            raise BadInput(f"solver is {self.solver!r}; it must be a function, newton or powell_dog_leg of hydrolab.")
+            raise BadInput(f"solver is {self.solver!r}; it must be a function, newton or "
+                           "powell_dog_leg of hydrolab.")
 
     @property
     def aft_samples(self) -> int:
@@ -216,10 +239,10 @@ class HarmonicBalance:
               direction: float = math.pi / 2, start: PeriodicOrbit | None = None) -> PeriodicOrbit:
         """The steady state at a speed (rad/s) and a static eccentricity (fraction of the gap).
 
-        direction: gap angle of the stator offset, rad. start: a steady state to begin from; without one the
-        linear response is tried, then a walk from zero eccentricity.
-        Raises NoConvergence with what to try next, Contact where the steady state found would touch the stator,
-        BadInput for arguments outside what is allowed.
+        direction: gap angle of the stator offset, rad. start: a steady state to begin from; without
+        one the linear response is tried, then a walk from zero eccentricity. Raises NoConvergence
+        with what to try next, Contact where the steady state found would touch the stator, BadInput
+        for arguments outside what is allowed.
         """
         eq = self.equations(model, speed)
         number("static_eccentricity", static_eccentricity)
@@ -244,7 +267,8 @@ class HarmonicBalance:
         """Reach a steady state by raising the pull to its full strength, then the offset."""
         y = eq.linear.ravel()
         for ratio in np.linspace(0, 1, steps + 1)[1:]:
-            weak = replace(eq, model=eq.model.with_field(ratio))  # the linear machine does not change
+            # the linear machine does not change
+            weak = replace(eq, model=eq.model.with_field(ratio))
             solution = self.from_guess(weak, 0 * centre, y)
             if not solution.converged:
                 return solution
@@ -261,14 +285,18 @@ class HarmonicBalance:
         left = np.abs(solution.residual).max() * eq.force
         size = f"residual {left:.1e} N" if math.isfinite(left) else "the rotor outside the gap"
         return (f"{self.solver.__name__} stopped {where} after {solution.steps} steps, {size}: "
-                + (f"a fold is near (smallest singular value {smallest:.0e}). " if smallest < 0.05 else "")
-                + ("" if math.isfinite(left) else "Lower the eccentricity, the unbalance or the field. ")
+                + (f"a fold is near (smallest singular value {smallest:.0e}). " if smallest < 0.05
+                   else "")
+                + ("" if math.isfinite(left) else "Lower the eccentricity, the unbalance or the "
+                                                  "field. ")
                 + "Start from a neighbouring steady state, or follow the branch with `follow`; "
                   "a solver that stops does not show that there is no steady state.")
 
 
 def first_guess(eq: Condensed, start: PeriodicOrbit) -> NDArray:
-    """Unknowns of `eq` from an orbit that may have other harmonics or another number of revolutions in its period."""
+    """Unknowns of `eq` from an orbit that may have other harmonics or another number of revolutions
+    in its period.
+    """
     y = np.zeros_like(eq.linear)
     for k in range(start.harmonics + 1):
         order = k * eq.revolutions / start.equations.revolutions
@@ -279,7 +307,9 @@ def first_guess(eq: Condensed, start: PeriodicOrbit) -> NDArray:
     return y.ravel()
 
 
-def orbit_from(eq: Condensed, eccentricity: float, centre: NDArray, solution: Solution) -> PeriodicOrbit:
+def orbit_from(eq: Condensed, eccentricity: float, centre: NDArray,
+               solution: Solution) -> PeriodicOrbit:
     """The orbit of a solution."""
-    return PeriodicOrbit(eq, float(eccentricity), centre, eq.length * solution.y.reshape(len(eq.linear), -1),
+    return PeriodicOrbit(eq, float(eccentricity), centre,
+                         eq.length * solution.y.reshape(len(eq.linear), -1),
                          float(np.abs(solution.residual).max() * eq.force))

@@ -42,7 +42,8 @@ def ellipse(coefficients: NDArray, harmonic: int = 1) -> Ellipse:
 
 
 def self_crossings(positions: NDArray) -> int:
-    """How often a closed curve crosses itself; positions (2, n) of one period, without the repeated end.
+    """How often a closed curve crosses itself; positions (2, n) of one period, without the repeated
+    end.
 
     Counts pairs of segments that cut each other; an orbit with an inner loop has one.
     """
@@ -82,7 +83,9 @@ def rate_rows(harmonics: int, phase: NDArray) -> NDArray:
 
 
 def to_complex(coefficients: NDArray) -> NDArray:
-    """[mean, sin, cos, …] on the last axis → complex amplitudes û_k of Re Σ û_k e^{ikΩt}; (…, m + 1)."""
+    """[mean, sin, cos, …] on the last axis → complex amplitudes û_k of Re Σ û_k e^{ikΩt}; (…, m +
+    1).
+    """
     sine, cosine = coefficients[..., 1::2], coefficients[..., 2::2]
     return np.concatenate([coefficients[..., :1] + 0j, cosine - 1j * sine], axis=-1)
 

@@ -1,16 +1,17 @@
-"""What acts on a motion in time: the field's ramp, the unbalance, and the forces as a loop wants them.
+"""What acts on a motion in time: the field's ramp, the unbalance, and the forces as a loop wants
+them.
 
 The pull of a circular gap is taken on plain floats, which costs a third of the same on arrays.
 
 Methods of time integration: centred finite differences, Newmark, and SciPy's Runge–Kutta.
 
-A method object says how; its `run` yields the motion one revolution at a time. The step of each is a free function
-over arrays.
+A method object says how; its `run` yields the motion one revolution at a time. The step of each is
+a free function over arrays.
 
 Time integration: the verb `integrate`.
 
-Full FE models have frequencies of tens of kilohertz that no orbit shows, so it works on a modal basis with the static
-deflection under the pull (`reduce`) unless told otherwise.
+Full FE models have frequencies of tens of kilohertz that no orbit shows, so it works on a modal
+basis with the static deflection under the pull (`reduce`) unless told otherwise.
 """
 
 from __future__ import annotations
@@ -52,26 +53,31 @@ class Task:
 
     def force(self, time: float, u: NDArray, rate: NDArray) -> NDArray:
         """Forces on the nonlinear coordinates u with velocities `rate`, N."""
-        return force_at(self.law(time), self.model.relative(u, self.centre), rate, self.speed * time, self.speed)
+        return force_at(self.law(time), self.model.relative(u, self.centre), rate,
+                        self.speed * time, self.speed)
 
     def linearise(self, time: float, u: NDArray, rate: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Forces, N, and their derivatives by position, N/m, and velocity, N s/m."""
-        return linearise_at(self.law(time), self.model.relative(u, self.centre), rate, self.speed * time, self.speed)
+        return linearise_at(self.law(time), self.model.relative(u, self.centre), rate,
+                            self.speed * time, self.speed)
 
     def unbalance(self, time: float) -> NDArray:
         """Unbalance force on all DOFs, N."""
         phase = self.speed * time
-        return self.speed**2 * (self.model.unbalance_sin * math.sin(phase) + self.model.unbalance_cos * math.cos(phase))
+        return self.speed**2 * (self.model.unbalance_sin * math.sin(phase)
+                                + self.model.unbalance_cos * math.cos(phase))
 
     def acceleration(self, time: float, q: NDArray, v: NDArray) -> NDArray:
         """q̈ from the equation of motion, Eq. (9)."""
         m = self.model
-        force = self.unbalance(time) + m.selection.T @ self.force(time, m.selection @ q, m.selection @ v)
+        force = self.unbalance(time) + m.selection.T @ self.force(time, m.selection @ q,
+                                                                  m.selection @ v)
         return np.linalg.solve(m.M, force - m.velocity_matrix(self.speed) @ v - m.K @ q)
 
 
 def on_floats(law: CircularPull) -> Callable[[float, float], tuple[float, ...]]:
-    """The circular law for a loop: (x, z) → (Fx, Fz, ∂Fx/∂x, ∂Fx/∂z, ∂Fz/∂x, ∂Fz/∂z); nan outside the gap.
+    """The circular law for a loop: (x, z) → (Fx, Fz, ∂Fx/∂x, ∂Fx/∂z, ∂Fz/∂x, ∂Fz/∂z); nan outside
+    the gap.
 
     On two floats it costs a tenth of the same on arrays of length one.
     """
@@ -103,10 +109,13 @@ def explicit_pull(task: Task) -> Callable[[float, NDArray, NDArray], NDArray]:
     return pull
 
 
-def implicit_pull(task: Task, compliance: NDArray) -> Callable[[float, NDArray, NDArray, NDArray], NDArray]:
-    """The circular pull f at the unknown position u = free + compliance f(u), by Newton on its two coordinates.
+def implicit_pull(task: Task, compliance: NDArray) -> Callable[[float, NDArray, NDArray, NDArray],
+                                                               NDArray]:
+    """The circular pull f at the unknown position u = free + compliance f(u), by Newton on its two
+    coordinates.
 
-    Returns a function of time, free (2,), a guess of u (2,) and a velocity it does not need; its f is nan outside the gap.
+    Returns a function of time, free (2,), a guess of u (2,) and a velocity it does not need; its f
+    is nan outside the gap.
     """
     law, (xe, ze) = on_floats(task.model.law), task.centre.tolist()
     (cxx, cxz), (czx, czz) = compliance.tolist()
@@ -131,9 +140,11 @@ def implicit_pull(task: Task, compliance: NDArray) -> Callable[[float, NDArray, 
 
 
 def implicit_forces(task: Task, compliance: NDArray, mobility: NDArray) -> Callable[..., NDArray]:
-    """Forces f of any laws at the unknown u = free + compliance f and velocity rate + mobility f, by Newton on f.
+    """Forces f of any laws at the unknown u = free + compliance f and velocity rate + mobility f,
+    by Newton on f.
 
-    Returns a function of time, free (c,), a guess of u (c,) and rate (c,); its f is nan outside the gap.
+    Returns a function of time, free (c,), a guess of u (c,) and rate (c,); its f is nan outside the
+    gap.
     """
     scale, one = task.model.length_scale, np.eye(len(compliance))
 
@@ -154,11 +165,13 @@ def implicit_forces(task: Task, compliance: NDArray, mobility: NDArray) -> Calla
 
 
 def _no_position(task: Task, t: float) -> NoConvergence:
-    return NoConvergence(f"Newmark found no position after {t * task.speed / (2 * math.pi):.2f} revolutions: the "
+    return NoConvergence(f"Newmark found no position after {t * task.speed / (2 * math.pi):.2f} "
+                         "revolutions: the "
                          "pull changes too much in a step. Use more steps per revolution.")
 
 
-Block = tuple[NDArray, NDArray, NDArray]  # times, positions (2, n) of a piece of motion, state (2, r) at its end
+# times, positions (2, n) of a piece of motion, state (2, r) at its end
+Block = tuple[NDArray, NDArray, NDArray]
 
 
 @dataclass(frozen=True)
@@ -181,8 +194,10 @@ class CentralDifference:
         fastest = math.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(m.M, m.K))).max())
         if fastest * dt > 2:
             needed = math.ceil(math.pi * fastest / task.speed)
-            raise BadInput(f"steps_per_revolution is {n}: the fastest frequency of the model, {fastest:.4g} rad/s, "
-                           f"times the step {dt:.3g} s is {fastest * dt:.3g}, and central differences need at most 2. "
+            raise BadInput(f"steps_per_revolution is {n}: the fastest frequency of the model, "
+                           f"{fastest:.4g} rad/s, "
+                           f"times the step {dt:.3g} s is {fastest * dt:.3g}, and central "
+                           "differences need at most 2. "
                            f"Use at least {needed} steps per revolution, or fewer modes.")
         before, now, push, load = central_difference_matrices(m, task.speed, dt)
         forcing = np.array([load @ task.unbalance(start + i * dt) for i in range(n)])
@@ -192,7 +207,8 @@ class CentralDifference:
         pull = explicit_pull(task)
 
         def ahead(step: int) -> NDArray:
-            return now @ q + before @ old + push @ pull(start + step * dt, u, rate) + forcing[step % n]
+            return now @ q + before @ old + push @ pull(start + step * dt, u,
+                                                        rate) + forcing[step % n]
 
         for revolution in range(revolutions):
             path = np.empty((n, 2))
@@ -203,15 +219,18 @@ class CentralDifference:
                 if m.law.moving:  # known to second order from what has been computed
                     rate = m.selection @ (1.5 * q - 2 * old + 0.5 * older) / dt
             last = (revolution + 1) * n
-            v = (ahead(last) - old) / (2 * dt)  # what the start formula above turns into `old` again
+            # what the start formula above turns into `old` again
+            v = (ahead(last) - old) / (2 * dt)
             yield start + (last - n + 1 + np.arange(n)) * dt, path.T, np.stack([q, v])
 
 
-def central_difference_matrices(model: Model, speed: float, dt: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+def central_difference_matrices(model: Model, speed: float,
+                                dt: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Matrices of q_{n+1} = now q_n + before q_{n−1} + push f_n + load F_n, from one factorisation.
 
     (M/Δt² + 𝒞/2Δt) q_{n+1} = F_n − (K − 2M/Δt²) q_n − (M/Δt² − 𝒞/2Δt) q_{n−1}, 𝒞 = C + ΩG.
-    Returns (before, now, push, load); push takes the pull at the generator, load a force on all DOFs.
+    Returns (before, now, push, load); push takes the pull at the generator, load a force on all
+    DOFs.
     """
     velocity = model.velocity_matrix(speed) / (2 * dt)
     load = np.linalg.inv(model.M / dt**2 + velocity)
@@ -221,9 +240,11 @@ def central_difference_matrices(model: Model, speed: float, dt: float) -> tuple[
 
 @dataclass(frozen=True)
 class Newmark:
-    """Newmark's method, average acceleration by default: no step limit, no numerical damping, second order.
+    """Newmark's method, average acceleration by default: no step limit, no numerical damping,
+    second order.
 
-    The pull at the new time is solved for, on its own coordinates; a lagged pull would act as damping.
+    The pull at the new time is solved for, on its own coordinates; a lagged pull would act as
+    damping.
     """
 
     steps_per_revolution: int = 512
@@ -238,7 +259,8 @@ class Newmark:
     def __post_init__(self) -> None:
         _check_steps(self.steps_per_revolution)
         if not (0 < self.beta <= 0.5 and 0.5 <= self.gamma <= 1):
-            raise BadInput(f"beta is {self.beta}, gamma is {self.gamma}; use 0 < beta ≤ 0.5 and 0.5 ≤ gamma ≤ 1.")
+            raise BadInput(f"beta is {self.beta}, gamma is {self.gamma}; use 0 < beta ≤ 0.5 and "
+                           "0.5 ≤ gamma ≤ 1.")
 
     def run(self, task: Task, state: NDArray, start: float, revolutions: int) -> Iterator[Block]:
         """Yield the motion, one revolution at a time."""
@@ -256,23 +278,28 @@ class Newmark:
             path = np.empty((n, 2))
             for i in range(n):
                 free = advance @ motion + forcing[i]
-                force = pull(start + (revolution * n + i + 1) * dt, m.selection @ free[:r], u, m.selection @ free[r:2 * r])
+                force = pull(start + (revolution * n + i + 1) * dt, m.selection @ free[:r], u,
+                             m.selection @ free[r:2 * r])
                 motion = free + push @ force
                 u = m.selection @ motion[:r]
                 path[i] = u[:2]
-            yield start + (revolution * n + 1 + np.arange(n)) * dt, path.T, motion[:2 * r].reshape(2, r).copy()
+            yield start + (revolution * n + 1
+                           + np.arange(n)) * dt, path.T, motion[:2 * r].reshape(2, r).copy()
 
 
-def newmark_matrices(model: Model, speed: float, dt: float, beta: float, gamma: float) -> tuple[NDArray, ...]:
-    """Matrices of s_{n+1} = advance s_n + push f_{n+1} + load F_{n+1} for the motion s = (q, v, a), from one inverse.
+def newmark_matrices(model: Model, speed: float, dt: float, beta: float,
+                     gamma: float) -> tuple[NDArray, ...]:
+    """Matrices of s_{n+1} = advance s_n + push f_{n+1} + load F_{n+1} for the motion s = (q, v, a),
+    from one inverse.
 
-    q_{n+1} = q + Δt v + Δt² ((½ − β) a + β a_{n+1}), v_{n+1} = v + Δt ((1 − γ) a + γ a_{n+1}), and the equation of
-    motion at the new time. Returns (advance, push, load); push takes the pull at the generator, load a force on all
-    DOFs.
+    q_{n+1} = q + Δt v + Δt² ((½ − β) a + β a_{n+1}), v_{n+1} = v + Δt ((1 − γ) a + γ a_{n+1}), and
+    the equation of motion at the new time. Returns (advance, push, load); push takes the pull at
+    the generator, load a force on all DOFs.
     """
     r, velocity = model.size, model.velocity_matrix(speed)
     one, zero = np.eye(r), np.zeros((r, r))
-    coast_q = np.hstack([one, dt * one, (0.5 - beta) * dt**2 * one])  # what q and v become if the new a is 0
+    # what q and v become if the new a is 0
+    coast_q = np.hstack([one, dt * one, (0.5 - beta) * dt**2 * one])
     coast_v = np.hstack([zero, one, (1 - gamma) * dt * one])
     answer = np.linalg.inv(model.M + gamma * dt * velocity + beta * dt**2 * model.K)
     a = -answer @ (velocity @ coast_v + model.K @ coast_q)
@@ -292,7 +319,8 @@ class RungeKutta:
     def __post_init__(self) -> None:
         _check_steps(self.steps_per_revolution)
         if not (0 < self.rtol < 1 and self.atol > 0):
-            raise BadInput(f"rtol is {self.rtol}, atol is {self.atol}; both must be positive and rtol below 1.")
+            raise BadInput(f"rtol is {self.rtol}, atol is {self.atol}; both must be positive and "
+                           "rtol below 1.")
 
     def run(self, task: Task, state: NDArray, start: float, revolutions: int) -> Iterator[Block]:
         """Yield the motion, one revolution at a time."""
@@ -303,7 +331,8 @@ class RungeKutta:
                              [-inverse @ m.K, -inverse @ m.velocity_matrix(task.speed)]])
         load = np.vstack([np.zeros_like(m.selection.T), inverse @ m.selection.T])
         shaken = np.zeros((2, 2 * r))
-        shaken[:, r:] = task.speed**2 * np.stack([inverse @ m.unbalance_sin, inverse @ m.unbalance_cos])
+        shaken[:, r:] = task.speed**2 * np.stack([inverse @ m.unbalance_sin,
+                                                  inverse @ m.unbalance_cos])
         watch = m.selection
         pull = explicit_pull(task)
 
@@ -322,12 +351,15 @@ class RungeKutta:
             if math.isfinite(m.gap) and clearance(begin, state.ravel()) <= 0:
                 yield times, np.full((2, n), np.nan), state
                 return
-            # The first step is given, because the guess that SciPy makes never ends where it meets the stator's nan.
-            found = solve_ivp(rate, (begin, times[-1]), state.ravel(), method="DOP853", t_eval=times, rtol=self.rtol,
+            # The first step is given, because the guess that SciPy makes never ends where it meets
+            # the stator's nan.
+            found = solve_ivp(rate, (begin, times[-1]), state.ravel(), method="DOP853",
+                              t_eval=times, rtol=self.rtol,
                               atol=self.atol, events=clearance if math.isfinite(m.gap) else None,
                               first_step=period / 1024)
             if found.status < 0:
-                raise NoConvergence(f"DOP853 stopped after {begin / period:.2f} revolutions: {found.message} "
+                raise NoConvergence(f"DOP853 stopped after {begin / period:.2f} revolutions: "
+                                    f"{found.message} "
                                     "Raise rtol, or look at the motion before it.")
             path = np.full((2, n), np.nan)  # nan from contact on
             if len(found.t):
@@ -344,24 +376,27 @@ Progress = Callable[[int, int], None]
 
 
 def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *, speed: float,
-              static_eccentricity: float = 0.0, revolutions: int = 1000, ramp: int = 0, modes: int | None = 12,
+              static_eccentricity: float = 0.0, revolutions: int = 1000, ramp: int = 0,
+              modes: int | None = 12,
               direction: float = math.pi / 2, start: PeriodicOrbit | Trajectory | None = None,
-              disturbance: tuple[float, float] = (0.0, 0.0), progress: Progress | None = None) -> Trajectory:
+              disturbance: tuple[float, float] = (0.0, 0.0),
+              progress: Progress | None = None) -> Trajectory:
     """Integrate the motion, by default from the steady state of the linear problem.
 
-    speed: rad/s. ramp: revolutions over which the field rises from 0 to its full value. modes: size of the modal
-    basis beside the static deflection under the pull; None integrates all DOFs. start: an orbit to begin on (at
-    phase 0), or a trajectory of the same model and basis to go on from. disturbance: a sideways displacement (x, z)
-    of the generator, m, added to the start in the shape of the static deflection. progress: called after each
-    revolution with (done, all), such as a bar of `hydrolab.progress`.
-    Ends early at contact, where a step has no solution, or at an interrupt (Ctrl-C); what was computed is kept and
-    `stopped` says what happened.
-    Raises BadInput for arguments outside what is allowed, among them a step beyond the stability limit.
+    speed: rad/s. ramp: revolutions over which the field rises from 0 to its full value. modes: size
+    of the modal basis beside the static deflection under the pull; None integrates all DOFs. start:
+    an orbit to begin on (at phase 0), or a trajectory of the same model and basis to go on from.
+    disturbance: a sideways displacement (x, z) of the generator, m, added to the start in the shape
+    of the static deflection. progress: called after each revolution with (done, all), such as a bar
+    of `hydrolab.progress`. Ends early at contact, where a step has no solution, or at an interrupt
+    (Ctrl-C); what was computed is kept and `stopped` says what happened. Raises BadInput for
+    arguments outside what is allowed, among them a step beyond the stability limit.
     """
     require_model(model)
     speed = turning(speed)
     if not isinstance(method, CentralDifference | Newmark | RungeKutta):
-        raise BadInput(f"method is {method!r}; it must be a CentralDifference, a Newmark or a RungeKutta.")
+        raise BadInput(f"method is {method!r}; it must be a CentralDifference, a Newmark or a "
+                       "RungeKutta.")
     revolutions = whole("revolutions", revolutions, 1)
     period = 2 * math.pi / speed
     begin = float(start.times[-1]) if isinstance(start, Trajectory) else 0.0
@@ -371,19 +406,22 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
     small = model if modes is None else reduce(model, modes)
     inertia = np.linalg.eigvalsh(small.M)
     if not inertia[0] > len(inertia) * np.finfo(float).eps * inertia[-1]:
-        raise BadInput(f"{model.name} has a DOF without mass, which cannot be integrated in time; give the shaft a "
+        raise BadInput(f"{model.name} has a DOF without mass, which cannot be integrated in time; "
+                       "give the shaft a "
                        "density above 0.")
     task = Task(small, speed, centre, ramp * period)
     state = _first_state(model, small, speed, start)
     if any(disturbance):
         generator = small.selection[:2]
         static = np.linalg.solve(small.K, generator.T)
-        state = state + [static @ np.linalg.solve(generator @ static, disturbance), np.zeros(small.size)]
+        state = state + [static @ np.linalg.solve(generator @ static, disturbance),
+                         np.zeros(small.size)]
 
     blocks: list[Block] = [(np.array([begin]), (small.selection[:2] @ state[0])[:, None], state)]
     stopped, interrupted = None, False
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # a motion that grows without bound is said in words below
+        # a motion that grows without bound is said in words below
+        with np.errstate(over="ignore", invalid="ignore"):
             for block in method.run(task, state, begin, revolutions):
                 block, stopped = _up_to_the_end(task, block, blocks[-1])
                 blocks.append(block)
@@ -400,14 +438,17 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
     times, paths, states = zip(*blocks, strict=True)
     return Trajectory(small, speed, float(static_eccentricity), centre, np.concatenate(times),
                       np.concatenate(paths, axis=1), states[-1],
-                      stopped or f"It ran the {revolutions} revolutions asked for.", finished, method, interrupted)
+                      stopped or f"It ran the {revolutions} revolutions asked for.", finished,
+                      method, interrupted)
 
 
-def _first_state(model: Model, small: Model, speed: float, start: PeriodicOrbit | Trajectory | None) -> NDArray:
+def _first_state(model: Model, small: Model, speed: float,
+                 start: PeriodicOrbit | Trajectory | None) -> NDArray:
     """Displacement and velocity, (2, r), on the reduced basis."""
     if isinstance(start, Trajectory):
         if start.state.shape[1] != small.size:
-            raise BadInput(f"start has {start.state.shape[1]} DOFs, this basis {small.size}; use the same `modes`.")
+            raise BadInput(f"start has {start.state.shape[1]} DOFs, this basis {small.size}; use "
+                           "the same `modes`.")
         if not np.isfinite(start.state).all():
             raise BadInput(f"start cannot be gone on from. {start.stopped}")
         return start.state
@@ -428,7 +469,9 @@ def _first_state(model: Model, small: Model, speed: float, start: PeriodicOrbit 
 
 
 def _up_to_the_end(task: Task, block: Block, before: Block) -> tuple[Block, str | None]:
-    """The part of a block before contact, with the sentence that says so; the block and None if there is none."""
+    """The part of a block before contact, with the sentence that says so; the block and None if
+    there is none.
+    """
     times, path, state = block
     clear = task.model.law.smallest_gap(path - task.centre[:, None]) > 0  # false for nan
     if clear.all():
@@ -438,7 +481,8 @@ def _up_to_the_end(task: Task, block: Block, before: Block) -> tuple[Block, str 
         revolutions = times[first] * task.speed / (2 * math.pi)
         sentence = f"The motion grew beyond all numbers after {revolutions:.2f} revolutions."
     else:
-        near = path[:, :first + 1] if np.isfinite(path[:, first]).all() else np.hstack([before[1], path[:, :first]])
+        near = path[:, :first + 1] if np.isfinite(path[:, first]).all() else np.hstack([before[1],
+                                                                                        path[:, :first]])
         angle = float(task.model.law.gap_angle(near[:, -1] - task.centre))
         sentence = contact_sentence(times[first], task.speed, angle)
     return (times[:first], path[:, :first], np.full_like(state, np.nan)), sentence

@@ -1,8 +1,9 @@
-"""Maps over two parameters: smallest gap, amplitude, 2X share and distance to the fold at every point.
+"""Maps over two parameters: smallest gap, amplitude, 2X share and distance to the fold at every
+point.
 
-A map is an xarray Dataset, saved as NetCDF after every row, so that it can be interrupted and taken up again. Rows are
-independent, so any `concurrent.futures.Executor` can compute them: processes here, Dask's on a cluster.
-Needs the extra `maps` (xarray, Dask).
+A map is an xarray Dataset, saved as NetCDF after every row, so that it can be interrupted and taken
+up again. Rows are independent, so any `concurrent.futures.Executor` can compute them: processes
+here, Dask's on a cluster. Needs the extra `maps` (xarray, Dask).
 """
 
 from __future__ import annotations
@@ -42,9 +43,11 @@ Progress = Callable[[int, int], None]
 
 
 def steady_row(machine: Machine, eccentricities: NDArray, harmonics: int = 4) -> dict[str, NDArray]:
-    """Readings of the first leg's steady states of one machine at many static eccentricities, and their `Outcome`.
+    """Readings of the first leg's steady states of one machine at many static eccentricities, and
+    their `Outcome`.
 
-    The branch is followed to its first fold; the points in between are solved together as one batch.
+    The branch is followed to its first fold; the points in between are solved together as one
+    batch.
     """
     count = len(eccentricities)
     row = {name: np.full(count, np.nan) for name in READINGS}
@@ -53,7 +56,8 @@ def steady_row(machine: Machine, eccentricities: NDArray, harmonics: int = 4) ->
     with threadpool_limits(1):
         model = machine.model()
         try:
-            branch = follow(model, speed=machine.speed, to=0.9, method=Arclength(balance, max_folds=1, tail=0))
+            branch = follow(model, speed=machine.speed, to=0.9,
+                            method=Arclength(balance, max_folds=1, tail=0))
         except (NoConvergence, Contact):
             return row
         leg, eq = branch.first_leg, branch.equations
@@ -66,8 +70,10 @@ def steady_row(machine: Machine, eccentricities: NDArray, harmonics: int = 4) ->
             return row
         values = eccentricities[inside]
         known = np.append(branch.static_eccentricity[leg], fold if branch.folds else [])
-        unknowns = np.vstack([branch.unknowns[leg], *([branch.folds[0].unknowns] if branch.folds else [])])
-        if branch.folds:  # near its fold the leg is a straight line in the root of the distance to it
+        unknowns = np.vstack([branch.unknowns[leg],
+                              *([branch.folds[0].unknowns] if branch.folds else [])])
+        # near its fold the leg is a straight line in the root of the distance to it
+        if branch.folds:
             known, at = -np.sqrt(np.abs(fold - known)), -np.sqrt(fold - np.abs(values))
         else:
             at = np.abs(values)
@@ -78,14 +84,17 @@ def steady_row(machine: Machine, eccentricities: NDArray, harmonics: int = 4) ->
     row["outcome"][inside] = outcome
     found = np.flatnonzero(inside)[outcome == Outcome.CONVERGED]
     coefficients = eq.length * y[outcome == Outcome.CONVERGED].reshape(len(found), 2, -1)
-    row["smallest_gap"][found] = smallest_gaps(coefficients, centre[outcome == Outcome.CONVERGED], model.gap)
+    row["smallest_gap"][found] = smallest_gaps(coefficients, centre[outcome == Outcome.CONVERGED],
+                                               model.gap)
     row["amplitude"][found] = np.hypot(coefficients[:, 0, 1], coefficients[:, 0, 2])
     row["share_2x"][found] = long_axis(coefficients, 2) / long_axis(coefficients, 1)
     return row
 
 
 def smallest_gaps(coefficients: NDArray, centre: NDArray, gap: float) -> NDArray:
-    """Smallest circular gap over a revolution of many orbits, m; coefficients (B, 2, 2m + 1), centre (B, 2)."""
+    """Smallest circular gap over a revolution of many orbits, m; coefficients (B, 2, 2m + 1),
+    centre (B, 2).
+    """
     phase = 2 * np.pi * np.arange(360) / 360
     k = np.arange(1, coefficients.shape[2] // 2 + 1)[:, None]
     path = (coefficients[:, :, :1] + coefficients[:, :, 1::2] @ np.sin(k * phase)
@@ -111,25 +120,29 @@ def _row_of_machines(machine: Machine, changes: Mapping[str, Any], x: str, value
 
 
 def steady_map(machine: Machine, x: str, x_values: ArrayLike, y: str, y_values: ArrayLike, *,
-               eccentricity: float = 0.0, path: Path | str | None = None, executor: Executor | None = None,
+               eccentricity: float = 0.0, path: Path | str | None = None,
+               executor: Executor | None = None,
                progress: Progress | None = None) -> xarray.Dataset:
     """Map the steady states of the first leg over two parameters.
 
     x, y: "static_eccentricity" (x only) or a key of `vary`, such as "field" (T), "speed" (rad/s),
-    "bodies.generator.mass"; SI units. eccentricity: the fixed one where x is another parameter. path: NetCDF file that
-    is written after every row and taken up again if it is there. executor: where rows are computed; here if None.
-    progress: called after each row with (done, all), such as a bar of `hydrolab.progress`.
-    Interrupted (Ctrl-C), it returns what it has, the rest marked NOT_DONE. A worker that dies costs time, not points.
-    Raises BadInput for a law other than the circular pull, keys or values that do not fit, or a file that holds another map.
+    "bodies.generator.mass"; SI units. eccentricity: the fixed one where x is another parameter.
+    path: NetCDF file that is written after every row and taken up again if it is there. executor:
+    where rows are computed; here if None. progress: called after each row with (done, all), such as
+    a bar of `hydrolab.progress`. Interrupted (Ctrl-C), it returns what it has, the rest marked
+    NOT_DONE. A worker that dies costs time, not points. Raises BadInput for a law other than the
+    circular pull, keys or values that do not fit, or a file that holds another map.
     """
     import xarray as xr
 
     if machine.air_gap and type(law := machine.model().law) is not CircularPull:
-        raise BadInput(f"{machine.name} has the law {type(law).__name__}; a map is solved in batches, which know the pull "
+        raise BadInput(f"{machine.name} has the law {type(law).__name__}; a map is solved in "
+                       "batches, which know the pull "
                        "of a round gap alone. Use `follow` for one branch at a time.")
     x_values, y_values = np.asarray(x_values, dtype=float), np.asarray(y_values, dtype=float)
     if x == y or y == ECCENTRICITY:
-        raise BadInput(f"x is {x!r} and y is {y!r}; they must differ, and static_eccentricity goes on the x axis.")
+        raise BadInput(f"x is {x!r} and y is {y!r}; they must differ, and static_eccentricity goes "
+                       "on the x axis.")
     for name, values in (("x_values", x_values), ("y_values", y_values)):
         if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
             raise BadInput(f"{name} must be a list of finite numbers, at least one.")
@@ -138,16 +151,20 @@ def steady_map(machine: Machine, x: str, x_values: ArrayLike, y: str, y_values: 
             vary(machine, {key: float(value)})  # refuse now what a row would refuse later
     offsets = x_values if x == ECCENTRICITY else np.array([number("eccentricity", eccentricity)])
     if (largest := float(np.abs(offsets).max())) >= 1:
-        raise BadInput(f"{'x_values has' if x == ECCENTRICITY else 'eccentricity is'} {largest:g}; a static "
+        raise BadInput(f"{'x_values has' if x == ECCENTRICITY else 'eccentricity is'} {largest:g}; "
+                       "a static "
                        "eccentricity is a fraction of the gap, between -1 and 1 (8.8 % is 0.088).")
     path = None if path is None else Path(path)
     shape = (len(y_values), len(x_values))
-    data: dict[str, Any] = {name: (("y", "x"), np.full(shape, np.nan), {"units": unit, "long_name": text})
+    data: dict[str, Any] = {name: (("y", "x"), np.full(shape, np.nan),
+                                   {"units": unit, "long_name": text})
                             for name, (unit, text) in READINGS.items()}
     data["outcome"] = (("y", "x"), np.full(shape, Outcome.NOT_DONE, dtype=np.int8),
-                       {"flag_values": [int(o) for o in Outcome], "flag_meanings": " ".join(o.name for o in Outcome)})
+                       {"flag_values": [int(o) for o in Outcome],
+                        "flag_meanings": " ".join(o.name for o in Outcome)})
     dataset = xr.Dataset(data, {"x": x_values, "y": y_values},
-                         {"x_parameter": x, "y_parameter": y, "eccentricity": eccentricity, "machine": machine.name,
+                         {"x_parameter": x, "y_parameter": y, "eccentricity": eccentricity,
+                          "machine": machine.name,
                           "made_of": fingerprint(machine)})
     if path is not None and path.exists():
         dataset = _taken_up(path, dataset)
@@ -168,7 +185,8 @@ def steady_map(machine: Machine, x: str, x_values: ArrayLike, y: str, y_values: 
     return dataset
 
 
-def _rows(tasks: dict[int, tuple], executor: Executor | None) -> Iterator[tuple[int, dict[str, NDArray]]]:
+def _rows(tasks: dict[int, tuple], executor: Executor
+          | None) -> Iterator[tuple[int, dict[str, NDArray]]]:
     """Compute rows, in any order; a row whose worker died is computed here."""
     if executor is None:
         for i, task in tasks.items():
@@ -200,22 +218,29 @@ def _rows(tasks: dict[int, tuple], executor: Executor | None) -> Iterator[tuple[
 
 def fingerprint(machine: Machine) -> str:
     """A short text that changes with any number of the machine."""
-    parts = repr((machine.speed, machine.shaft and [np.asarray(v).tolist() if not isinstance(v, str) else v
-                                                    for v in vars(machine.shaft).values()], machine.bodies,
-                  [(b.name, b.node, b.stiffness.tolist(), b.damping.tolist()) for b in machine.bearings],
-                  machine.thrust_bearings, machine.damping, machine.air_gap, machine.poles, machine.shapes,
+    parts = repr((machine.speed, machine.shaft
+                  and [np.asarray(v).tolist() if not isinstance(v, str) else v
+                                                    for v in vars(machine.shaft).values()],
+                  machine.bodies,
+                  [(b.name, b.node, b.stiffness.tolist(), b.damping.tolist())
+                   for b in machine.bearings],
+                  machine.thrust_bearings, machine.damping, machine.air_gap, machine.poles,
+                  machine.shapes,
                   machine.pad_bearings, machine.films, machine.cracks))
     return hashlib.sha256(parts.encode()).hexdigest()[:16]
 
 
 def save(dataset: xarray.Dataset, path: Path) -> None:
-    """Write a map whole or not at all; a disk that refuses is a warning, since the map is still in memory."""
+    """Write a map whole or not at all; a disk that refuses is a warning, since the map is still in
+    memory.
+    """
     part = path.with_suffix(".part")
     try:
         dataset.to_netcdf(part, engine="scipy")
         part.replace(path)
     except OSError as error:
-        warnings.warn(f"{path} could not be written ({error.strerror or error}); the map goes on in memory.",
+        warnings.warn(f"{path} could not be written ({error.strerror or error}); the map goes on "
+                      "in memory.",
                       stacklevel=3)
         part.unlink(missing_ok=True)
 
@@ -228,10 +253,12 @@ def _taken_up(path: Path, fresh: xarray.Dataset) -> xarray.Dataset:
         with xr.open_dataset(path, engine="scipy") as found:
             old = found.load()
     except Exception as error:  # a file that was cut off makes its reader raise nearly anything
-        raise BadInput(f"{path} is there but is not a map that can be read ({error}); move it away or give another "
+        raise BadInput(f"{path} is there but is not a map that can be read ({error}); move it away "
+                       "or give another "
                        "path.") from None
     same = all(old.attrs.get(k) == v for k, v in fresh.attrs.items()) and all(
         k in old.coords and np.array_equal(old[k].values, fresh[k].values) for k in ("x", "y"))
     if not same:
-        raise BadInput(f"{path} holds another map (other axes, values or machine); give another path.")
+        raise BadInput(f"{path} holds another map (other axes, values or machine); give another "
+                       "path.")
     return old

@@ -1,9 +1,11 @@
-r"""Parametric instability of a two-pole machine: the pull's stiffness turns with twice the electrical frequency.
+r"""Parametric instability of a two-pole machine: the pull's stiffness turns with twice the
+electrical frequency.
 
-Linearised about the centre, the pull of one pole pair is F_z + i F_x = k_m (ζ + ½ e^{2iωt} ζ̄), ω the electrical
-frequency. In the frame that turns with ω it is constant, so a Jeffcott rotor has exact limits of stability there
-(`two_pole_band`, `two_pole_growth`), the algebra of a shaft that is stiffer across one axis. The chart of any machine is
-Floquet's. Yang et al. (2004) study a large induction motor; their text could not be read.
+Linearised about the centre, the pull of one pole pair is F_z + i F_x = k_m (ζ + ½ e^{2iωt} ζ̄), ω
+the electrical frequency. In the frame that turns with ω it is constant, so a Jeffcott rotor has
+exact limits of stability there (`two_pole_band`, `two_pole_growth`), the algebra of a shaft that is
+stiffer across one axis. The chart of any machine is Floquet's. Yang et al. (2004) study a large
+induction motor; their text could not be read.
 """
 
 from __future__ import annotations
@@ -22,15 +24,18 @@ from hydrolab.machine.model import Model
 KNOWN = 1e-3  # of a multiplier: one that is known less well says nothing
 
 
-def two_pole_band(mass: float, stiffness: float, pull: float, damping: float = 0.0) -> tuple[float, float] | None:
-    """Electrical frequencies between which a Jeffcott rotor is unstable, rad/s; None where damping closes the band.
+def two_pole_band(mass: float, stiffness: float, pull: float,
+                  damping: float = 0.0) -> tuple[float, float] | None:
+    """Electrical frequencies between which a Jeffcott rotor is unstable, rad/s; None where damping
+    closes the band.
 
-    (k − k_m − m ω²)² + (c ω)² = (k_m/2)²: where an axis of the turning frame has no stiffness left. Without damping
-    √((k − 3k_m/2)/m) and √((k − k_m/2)/m). pull: k_m, N/m, at most two thirds of k, or the rotor is pulled in at rest.
-    Raises BadInput for a pull above that.
+    (k − k_m − m ω²)² + (c ω)² = (k_m/2)²: where an axis of the turning frame has no stiffness left.
+    Without damping √((k − 3k_m/2)/m) and √((k − k_m/2)/m). pull: k_m, N/m, at most two thirds of k,
+    or the rotor is pulled in at rest. Raises BadInput for a pull above that.
     """
     if pull > 2 / 3 * stiffness:
-        raise BadInput(f"pull is {pull:.4g} N/m; above two thirds of the stiffness, {2 / 3 * stiffness:.4g} N/m, the band "
+        raise BadInput(f"pull is {pull:.4g} N/m; above two thirds of the stiffness, "
+                       f"{2 / 3 * stiffness:.4g} N/m, the band "
                        "reaches down to standstill.")
     # a quadratic in ω²: m² ω⁴ − (2 m (k − k_m) − c²) ω² + (k − k_m)² − (k_m/2)² = 0
     rest = stiffness - pull
@@ -41,8 +46,10 @@ def two_pole_band(mass: float, stiffness: float, pull: float, damping: float = 0
     return math.sqrt(max(0.0, half - math.sqrt(root))), math.sqrt(half + math.sqrt(root))
 
 
-def two_pole_growth(mass: float, stiffness: float, pull: float, damping: float, frequency: float) -> float:
-    """Largest real part of the eigenvalues of the Jeffcott rotor in the frame that turns with ω, 1/s, exact.
+def two_pole_growth(mass: float, stiffness: float, pull: float, damping: float,
+                    frequency: float) -> float:
+    """Largest real part of the eigenvalues of the Jeffcott rotor in the frame that turns with ω,
+    1/s, exact.
 
     m (r̈ + 2iω ṙ − ω² r) + c (ṙ + iω r) + (k − k_m) r − (k_m/2) r̄ = 0 for z + ix = r e^{iωt}.
     """
@@ -58,8 +65,9 @@ def two_pole_growth(mass: float, stiffness: float, pull: float, damping: float, 
 class StabilityChart:
     """Growth of a small disturbance of the centred rotor over speed and field.
 
-    speeds: rad/s, (s,). fields: factors on the card's flux density, (f,). growth: 1/s, the logarithm of the leading
-    multiplier over the period; above zero is unstable, nan where it is not known to a thousandth; (f, s).
+    speeds: rad/s, (s,). fields: factors on the card's flux density, (f,). growth: 1/s, the
+    logarithm of the leading multiplier over the period; above zero is unstable, nan where it is not
+    known to a thousandth; (f, s).
     """
 
     speeds: NDArray
@@ -81,8 +89,9 @@ def stability_chart(model: Model, speeds: ArrayLike, fields: ArrayLike, *, revol
                     guard: bool = False) -> StabilityChart:
     """Floquet's growth of a rotor without unbalance in a concentric stator, over speed and field.
 
-    speeds: rad/s, above 0. fields: factors on the flux density. revolutions: after which the forces repeat. guard: check
-    each point with more harmonics, modes and steps, which is several times slower (`floquet`).
+    speeds: rad/s, above 0. fields: factors on the flux density. revolutions: after which the forces
+    repeat. guard: check each point with more harmonics, modes and steps, which is several times
+    slower (`floquet`).
     """
     speeds, fields = np.asarray(speeds, dtype=float), np.asarray(fields, dtype=float)
     still = model.with_unbalance(0)

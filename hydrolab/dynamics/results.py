@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 def contact_sentence(time: float, speed: float, angle: float) -> str:
     """When and where the rotor touches: time, s; speed, rad/s; gap angle, rad."""
-    return (f"The rotor touches the stator after {time * speed / (2 * math.pi):.2f} revolutions ({time:.4g} s), at "
+    return (f"The rotor touches the stator after {time * speed / (2 * math.pi):.2f} revolutions "
+            f"({time:.4g} s), at "
             f"gap angle {math.degrees(angle) % 360:.0f}° (from z towards x).")
 
 
@@ -34,10 +35,9 @@ class Trajectory:
     """A motion in time.
 
     times: s, shape (T,). positions: (x, z) of the generator centre, m, shape (2, T).
-    state: displacement and velocity of all DOFs of the integrated model at the end, (2, n), to go on from (nan
-    after contact).
-    stopped: why it ends, in words. finished: whether all that was asked for was integrated; interrupted: whether it was
-    an interrupt that kept it from that.
+    state: displacement and velocity of all DOFs of the integrated model at the end, (2, n), to go
+    on from (nan after contact). stopped: why it ends, in words. finished: whether all that was
+    asked for was integrated; interrupted: whether it was an interrupt that kept it from that.
     """
 
     model: Model
@@ -63,19 +63,23 @@ class Trajectory:
         return self.times[keep], self.positions[:, keep]
 
     def coefficients(self, harmonics: int, revolutions: int = 1) -> NDArray:
-        """[mean, sin 1, cos 1, …] of the last whole revolutions, m, (2, 2m + 1), by least squares in Ωt.
+        """[mean, sin 1, cos 1, …] of the last whole revolutions, m, (2, 2m + 1), by least squares
+        in Ωt.
 
         Least squares, so that any number of steps in a revolution will do.
         Raises BadInput for a motion that ended before so many revolutions.
         """
         if self.revolutions < revolutions * (1 - 1e-9):
-            raise BadInput(f"revolutions is {revolutions}, and the motion has {self.revolutions:.3g}. {self.stopped}")
+            raise BadInput(f"revolutions is {revolutions}, and the motion has "
+                           f"{self.revolutions:.3g}. {self.stopped}")
         times, positions = self.last(revolutions)
         rows = fourier_rows(harmonics, self.speed * times[1:])
         return np.linalg.lstsq(rows.T, positions[:, 1:].T, rcond=None)[0].T
 
     def recurrence(self, revolutions: int = 1) -> float:
-        """How far the last revolutions are from as many before, over the size of the motion: 0 repeats, nan is too short."""
+        """How far the last revolutions are from as many before, over the size of the motion: 0
+        repeats, nan is too short.
+        """
         n = revolutions * self.method.steps_per_revolution
         if self.positions.shape[1] <= 2 * n:
             return math.nan
@@ -85,7 +89,8 @@ class Trajectory:
 
     def __str__(self) -> str:
         return (f"Motion of {self.model.name} over {self.revolutions:.4g} revolutions at "
-                f"{self.speed * 30 / math.pi:.4g} rpm, static eccentricity {100 * self.static_eccentricity:.4g} %. "
+                f"{self.speed * 30 / math.pi:.4g} rpm, static eccentricity "
+                f"{100 * self.static_eccentricity:.4g} %. "
                 f"{self.stopped}")
 
 
@@ -94,12 +99,13 @@ PERIOD = 2 * np.pi * np.arange(360) / 360  # phases at which an orbit's smallest
 
 @dataclass(frozen=True, eq=False)
 class PeriodicOrbit:
-    """A steady state with the period of the rotation, or of `revolutions` of them; harmonic k is then k/revolutions X.
+    """A steady state with the period of the rotation, or of `revolutions` of them; harmonic k is
+    then k/revolutions X.
 
     static_eccentricity: offset of the stator as a fraction of the gap; centre: (x_E, z_E), m.
-    local: [mean, sin 1, cos 1, …] of the c nonlinear coordinates, shape (c, 2m + 1), Eq. (10); the generator centre's x
-    and z, m, are first.
-    residual: largest force left over in the harmonic balance, N.
+    local: [mean, sin 1, cos 1, …] of the c nonlinear coordinates, shape (c, 2m + 1), Eq. (10); the
+    generator centre's x and z, m, are first. residual: largest force left over in the harmonic
+    balance, N.
     """
 
     equations: Condensed
@@ -140,7 +146,9 @@ class PeriodicOrbit:
 
     @property
     def amplitudes(self) -> NDArray:
-        """√(A_k² + B_k²) of x and z for k = 1 … m, m 0-to-peak, shape (2, m); the paper's section 5.2."""
+        """√(A_k² + B_k²) of x and z for k = 1 … m, m 0-to-peak, shape (2, m); the paper's section
+        5.2.
+        """
         return np.hypot(self.coefficients[:, 1::2], self.coefficients[:, 2::2])
 
     def coordinates(self, phase: NDArray) -> NDArray:
@@ -150,13 +158,15 @@ class PeriodicOrbit:
         return self.local[:, :1] + self.local[:, 1::2] @ np.sin(k * phase) + self.local[:, 2::2] @ np.cos(k * phase)
 
     def positions(self, phase: NDArray) -> NDArray:
-        """Position (x, z) of the generator centre at the phases Ωt (rad), m, shape (2, len(phase))."""
+        """Position (x, z) of the generator centre at the phases Ωt (rad), m, shape (2, len(phase)).
+        """
         return self.coordinates(phase)[:2]
 
     @cached_property
     def _around(self) -> NDArray:
         """The nonlinear coordinates around the period as the law takes them, (c, 360)."""
-        return self.model.relative(self.coordinates(self.revolutions * PERIOD), self.centre[:, None])
+        return self.model.relative(self.coordinates(self.revolutions * PERIOD),
+                                   self.centre[:, None])
 
     def velocities(self, phase: NDArray) -> NDArray:
         """Velocity of the generator centre at the phases Ωt (rad), m/s, shape (2, len(phase))."""
@@ -168,7 +178,9 @@ class PeriodicOrbit:
 
     @cached_property
     def shaft(self) -> NDArray:
-        """[mean, sin 1, cos 1, …] of every DOF, recovered by back-substitution; shape (n, 2m + 1), m or rad."""
+        """[mean, sin 1, cos 1, …] of every DOF, recovered by back-substitution; shape (n, 2m + 1),
+        m or rad.
+        """
         eq = self.equations
         away = to_complex(self.local - eq.length * eq.linear)
         return from_complex((eq.shaft_linear + np.einsum("knd,dk->kn", eq.recovery, away)).T)
@@ -185,15 +197,18 @@ class PeriodicOrbit:
         return float(np.min(self.model.law.smallest_gap(self._around)))
 
     def require_clear(self) -> None:
-        """Raise Contact, with the angle and the time, if the rotor touches the stator anywhere on this orbit.
+        """Raise Contact, with the angle and the time, if the rotor touches the stator anywhere on
+        this orbit.
 
-        The pull is only evaluated at the AFT samples, so a solver can return an orbit that touches between them.
+        The pull is only evaluated at the AFT samples, so a solver can return an orbit that touches
+        between them.
         """
         if self.smallest_gap > 0:
             return
         e = self._around
         first = int(np.argmax(self.model.law.smallest_gap(e) <= 0))
-        raise Contact(f"The steady state at {100 * self.static_eccentricity:.4g} % would touch the stator: "
+        raise Contact(f"The steady state at {100 * self.static_eccentricity:.4g} % would touch the "
+                      "stator: "
                       + contact_sentence(self.revolutions * PERIOD[first] / self.speed, self.speed,
                                          float(self.model.law.gap_angle(e[:, first])))
                       + " Lower the eccentricity, the unbalance or the field.")
@@ -204,14 +219,17 @@ class PeriodicOrbit:
                            for k, (a, b) in enumerate(self.amplitudes.T, 1))
         period = f", repeating every {self.revolutions} revolutions" if self.revolutions > 1 else ""
         gap = f"smallest gap {1e3 * self.smallest_gap:.3f} mm, " if math.isfinite(self.smallest_gap) else ""
-        return (f"Steady state of {self.model.name} at {self.speed * 30 / math.pi:.4g} rpm, static eccentricity "
-                f"{100 * self.static_eccentricity:.4g} %{period}: mean displacement {mean:.4g} µm; x/z amplitudes "
+        return (f"Steady state of {self.model.name} at {self.speed * 30 / math.pi:.4g} rpm, static "
+                "eccentricity "
+                f"{100 * self.static_eccentricity:.4g} %{period}: mean displacement {mean:.4g} µm; "
+                "x/z amplitudes "
                 f"(µm, 0-to-peak) {shares}; {gap}residual {self.residual:.1e} N.")
 
 
 @dataclass(frozen=True, eq=False)
 class SpecialPoint:
-    """A located point of a branch: its kind, the parameter's value there, and after which row it lies.
+    """A located point of a branch: its kind, the parameter's value there, and after which row it
+    lies.
 
     unknowns: Y/length there. said: the value in words, with its unit.
     """
@@ -230,9 +248,10 @@ class SpecialPoint:
 class Branch:
     """Steady states in the order in which they were followed.
 
-    path: the parameter followed, and the equations at any of its values. values: of the parameter, shape (points,).
-    unknowns: Y/length of each point, (points, 2(2m + 1)). residuals: N. special_points: folds, located. stopped: why
-    it ends, in words. method: how it was made. closed: whether the last point is back at the first.
+    path: the parameter followed, and the equations at any of its values. values: of the parameter,
+    shape (points,). unknowns: Y/length of each point, (points, 2(2m + 1)). residuals: N.
+    special_points: folds, located. stopped: why it ends, in words. method: how it was made. closed:
+    whether the last point is back at the first.
     """
 
     path: Path
@@ -248,7 +267,8 @@ class Branch:
         return len(self.values)
 
     def __getitem__(self, index: int) -> PeriodicOrbit:
-        return self.orbit(float(self.values[index]), self.unknowns[index], float(self.residuals[index]))
+        return self.orbit(float(self.values[index]), self.unknowns[index],
+                          float(self.residuals[index]))
 
     def __iter__(self) -> Iterator[PeriodicOrbit]:
         return (self[i] for i in range(len(self)))
@@ -267,7 +287,9 @@ class Branch:
 
     @cached_property
     def equations(self) -> Condensed:
-        """The condensed equations at the first point (at every point, if the parameter only moves the stator)."""
+        """The condensed equations at the first point (at every point, if the parameter only moves
+        the stator).
+        """
         return self.path.at(float(self.values[0])).equations
 
     @cached_property
@@ -288,7 +310,8 @@ class Branch:
         """Stator centre at each point, m, shape (points, 2)."""
         moving = self.parameter in ("static_eccentricity", "direction")
         values = self.values if moving else self.values[:1]
-        return np.broadcast_to([self.path.at(float(value)).centre for value in values], (len(self), 2))
+        return np.broadcast_to([self.path.at(float(value)).centre for value in values],
+                               (len(self), 2))
 
     @property
     def folds(self) -> tuple[SpecialPoint, ...]:
@@ -307,7 +330,8 @@ class Branch:
         problem = self.path.at(fold.value)
         eq = problem.equations
         return self.orbit(fold.value, fold.unknowns,
-                          float(np.abs(eq.residual(fold.unknowns, problem.centre)).max() * eq.force))
+                          float(np.abs(eq.residual(fold.unknowns, problem.centre)).max()
+                                * eq.force))
 
     @property
     def first_leg(self) -> slice:
@@ -316,13 +340,19 @@ class Branch:
 
     @cached_property
     def coefficients(self) -> NDArray:
-        """[mean, sin 1, cos 1, …] of the generator centre at every point, m, shape (points, 2, 2m + 1)."""
-        return self.equations.length * self.unknowns.reshape(len(self), len(self.equations.linear), -1)[:, :2]
+        """[mean, sin 1, cos 1, …] of the generator centre at every point, m, shape (points, 2, 2m +
+        1).
+        """
+        return self.equations.length * self.unknowns.reshape(len(self), len(self.equations.linear),
+                                                             -1)[:, :2]
 
     @cached_property
     def smallest_gaps(self) -> NDArray:
-        """Smallest air gap over the period and the circumference at every point, m, shape (points,)."""
-        positions = self.coefficients @ fourier_rows(self.equations.harmonics, PERIOD) - self.centres[:, :, None]
+        """Smallest air gap over the period and the circumference at every point, m, shape
+        (points,).
+        """
+        positions = self.coefficients @ fourier_rows(self.equations.harmonics,
+                                                     PERIOD) - self.centres[:, :, None]
         return self.equations.model.law.smallest_gap(positions.transpose(1, 0, 2)).min(axis=-1)
 
     @cached_property
@@ -333,5 +363,6 @@ class Branch:
     def __str__(self) -> str:
         say = self.path.say
         folds = ", ".join(say(f.value, 5) for f in self.folds) or "none"
-        return (f"Branch of {self.equations.model.name} along {self.parameter}, {len(self)} points from "
+        return (f"Branch of {self.equations.model.name} along {self.parameter}, {len(self)} points "
+                "from "
                 f"{say(self.values[0])} to {say(self.values[-1])}; folds: {folds}. {self.stopped}")

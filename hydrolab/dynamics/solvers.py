@@ -1,7 +1,8 @@
 """Two solvers for a small nonlinear system: Newton, and the dog-leg the paper used.
 
-A system is a function y → (residual, Jacobian), scaled so that unknowns and residuals are of order one.
-Both return a `Solution`; neither raises when it fails, because only the caller knows what to advise.
+A system is a function y → (residual, Jacobian), scaled so that unknowns and residuals are of order
+one. Both return a `Solution`; neither raises when it fails, because only the caller knows what to
+advise.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ QUADRATIC = 1e-6  # a Newton step below this leaves an error of about its square
 
 @dataclass(frozen=True)
 class Solution:
-    """Where a solver ended: y, its residual and Jacobian, the steps taken, whether y solves the system."""
+    """Where a solver ended: y, its residual and Jacobian, the steps taken, whether y solves the
+    system.
+    """
 
     y: NDArray
     residual: NDArray
@@ -39,8 +42,8 @@ class Solution:
 def newton(system: System, y: NDArray, tolerance: float = 1e-10, max_steps: int = 30) -> Solution:
     """Newton's method; a step that leaves the domain or does not reduce the residual is halved.
 
-    Converged when the residual is below `tolerance`. The Jacobian is at hand then, so one more step is taken
-    without looking back; the residual returned is that before it, hence an upper bound.
+    Converged when the residual is below `tolerance`. The Jacobian is at hand then, so one more step
+    is taken without looking back; the residual returned is that before it, hence an upper bound.
     """
     r, jacobian = system(y)
     size = r @ r
@@ -49,7 +52,8 @@ def newton(system: System, y: NDArray, tolerance: float = 1e-10, max_steps: int 
             break
         *_, step, singular = dgesv(jacobian, r)
         if size < tolerance**2:
-            safe = not singular and step @ step < QUADRATIC**2  # at a fold the last step would lead away
+            # at a fold the last step would lead away
+            safe = not singular and step @ step < QUADRATIC**2
             return Solution(y - step if safe else y, r, jacobian, steps, True)
         if singular:
             break
@@ -71,7 +75,8 @@ def powell_dog_leg(system: System, y: NDArray, tolerance: float = 1e-10) -> Solu
     MINPACK may stop at a point where the residual is only stationary. Near a fold that is a
     least-squares minimum and no solution, so convergence is judged by the residual alone.
     """
-    outside = np.full(len(y), 1e6)  # MINPACK cannot take nan: a large residual turns it back into the gap
+    # MINPACK cannot take nan: a large residual turns it back into the gap
+    outside = np.full(len(y), 1e6)
 
     def guarded(y: NDArray) -> tuple[NDArray, NDArray]:
         r, jacobian = system(y)

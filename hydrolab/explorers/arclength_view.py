@@ -28,7 +28,9 @@ def s_curve(y: NDArray, parameter: float) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def pull_in(y: NDArray, parameter: float) -> tuple[NDArray, NDArray, NDArray]:
-    """ε − ε/(κ (1 − ε²)^{3/2}) = e_s, the rotor at rest between springs and pull, with y = 10 ε and λ = 10 e_s."""
+    """ε − ε/(κ (1 − ε²)^{3/2}) = e_s, the rotor at rest between springs and pull, with y = 10 ε and
+    λ = 10 e_s.
+    """
     eps = y[0] / TENTHS
     s = 1 - eps**2
     if s <= 0:  # the rotor in the stator
@@ -42,15 +44,20 @@ def pull_in(y: NDArray, parameter: float) -> tuple[NDArray, NDArray, NDArray]:
 TURN = np.linspace(-np.pi, np.pi, 401)
 CUBIC, EPS = np.linspace(-1.6, 1.6, 401), np.linspace(-0.2, 0.62, 401)
 CURVES = {
-    "circle": (circle, (1.0, 0.0), (np.sin(TURN), np.cos(TURN)), (-2.2, 2.2), (-1.3, 1.3), "λ", "y"),
+    "circle": (circle, (1.0, 0.0), (np.sin(TURN), np.cos(TURN)), (-2.2, 2.2), (-1.3, 1.3), "λ",
+               "y"),
     "S": (s_curve, (-1.4, -1.344), (CUBIC**3 - CUBIC, CUBIC), (-2, 2), (-1.7, 1.7), "λ", "y"),
-    "static pull-in": (pull_in, (0.0, 0.0), (TENTHS * (EPS - EPS / (KAPPA * (1 - EPS**2) ** 1.5)), TENTHS * EPS),
-                       (-1.4, 1.6), (-2, 8), "static eccentricity, tenths of the gap", "displacement, tenths of the gap"),
+    "static pull-in": (pull_in, (0.0, 0.0), (TENTHS * (EPS - EPS / (KAPPA * (1 - EPS**2) ** 1.5)),
+                                             TENTHS * EPS),
+                       (-1.4, 1.6), (-2, 8), "static eccentricity, tenths of the gap",
+                       "displacement, tenths of the gap"),
 }
 
 
-def natural_walk(system: System, y: float, parameter: float, step: float, count: int) -> tuple[list[Step], str]:
-    """Newton at λ + Δλ from the last y, again and again; the points, and where it stopped, or ""."""
+def natural_walk(system: System, y: float, parameter: float, step: float,
+                 count: int) -> tuple[list[Step], str]:
+    """Newton at λ + Δλ from the last y, again and again; the points, and where it stopped, or "".
+    """
     found: list[Step] = []
     z = np.array([y])
     for _ in range(count):
@@ -68,8 +75,11 @@ def natural_walk(system: System, y: float, parameter: float, step: float, count:
     return found, ""
 
 
-def arclength_walk(system: System, y: float, parameter: float, step: float, count: int) -> tuple[list[Step], str]:
-    """Steps Δs along the tangent, each corrected across it; the points, and where it stopped, or ""."""
+def arclength_walk(system: System, y: float, parameter: float, step: float,
+                   count: int) -> tuple[list[Step], str]:
+    """Steps Δs along the tangent, each corrected across it; the points, and where it stopped, or
+    "".
+    """
     here = correct(system, np.array([y, parameter]), np.array([0.0, 1.0]))
     found: list[Step] = []
     for _ in range(count):
@@ -82,7 +92,9 @@ def arclength_walk(system: System, y: float, parameter: float, step: float, coun
 
 
 class ArclengthView:
-    """A curve, and the points that natural or arclength continuation finds on it with steps of one length."""
+    """A curve, and the points that natural or arclength continuation finds on it with steps of one
+    length.
+    """
 
     def __init__(self) -> None:
         self._curve = ""
@@ -90,9 +102,11 @@ class ArclengthView:
             figure = new_figure(9, 5.4)
             self.axes = figure.subplots()
             self.whole, = self.axes.plot([], [], color="#C8C8C8", linewidth=7, label="the curve")
-            self.ways, = self.axes.plot([], [], "-", color=COLOURS["1X"], linewidth=1.4, label="predicted, then corrected")
+            self.ways, = self.axes.plot([], [], "-", color=COLOURS["1X"], linewidth=1.4,
+                                        label="predicted, then corrected")
             self.points, = self.axes.plot([], [], "o", color=COLOURS["rotor"], label="found")
-            self.last, = self.axes.plot([], [], "X", color=COLOURS["unstable"], markersize=14, linestyle="none")
+            self.last, = self.axes.plot([], [], "X", color=COLOURS["unstable"], markersize=14,
+                                        linestyle="none")
             self.axes.legend(loc="upper left", fontsize=11)
         self.kept = KeptFigure(figure, [self.ways, self.points, self.last])
         self("circle", "natural", 0.2, 1)  # so that the margins are those of a drawn curve
@@ -114,7 +128,8 @@ class ArclengthView:
         if way == WAYS[1] and len(at) > 1:
             start = correct(system, np.array([y, parameter]), np.array([0.0, 1.0]))
             predicted[0] = at[0] + step * start.tangent[::-1]
-        zigzag = np.stack([at[:-1], predicted, at[1:]], axis=1) if len(at) > 1 else np.empty((0, 3, 2))
+        zigzag = np.stack([at[:-1], predicted, at[1:]],
+                          axis=1) if len(at) > 1 else np.empty((0, 3, 2))
         self.ways.set_data(*zigzag.reshape(-1, 2).T)
         self.last.set_data(at[-1:, 0] if stopped else [], at[-1:, 1] if stopped else [])
         turns = int((np.diff(np.sign(np.diff(at[:, 0]))) != 0).sum())
@@ -124,5 +139,7 @@ class ArclengthView:
         leap = " One step leapt to another part of the curve." if leapt else ""
         ended = (f"after {len(found)} of {count} steps {stopped}; the last point is" if stopped else
                  f"after all {count} steps it is")
-        return (f"{way.capitalize()} continuation on the curve “{curve}” with steps of {step:.2f}: {ended} at λ = "
-                f"{at[-1, 0]:.3f}, y = {at[-1, 1]:.3f}; folds passed: {turns}; Newton steps: {work}.{leap}")
+        return (f"{way.capitalize()} continuation on the curve “{curve}” with steps of {step:.2f}: "
+                f"{ended} at λ = "
+                f"{at[-1, 0]:.3f}, y = {at[-1, 1]:.3f}; folds passed: {turns}; Newton steps: "
+                f"{work}.{leap}")

@@ -1,4 +1,6 @@
-"""A whole branch that follows the machine's numbers, as a figure that moves: the view behind `branch_explorer`."""
+"""A whole branch that follows the machine's numbers, as a figure that moves: the view behind
+`branch_explorer`.
+"""
 
 from __future__ import annotations
 
@@ -34,9 +36,10 @@ LIMITS = (2, 4, 6, 8, 12, 16, 24, 32, 48, 64, 100)  # %, where the eccentricity 
 class BranchView:
     """The branch of a machine as its numbers change, and its orbits at one eccentricity.
 
-    Call it with an eccentricity (%) and changes as `vary` takes them; it changes its kept figure and returns the
-    reading. The points of the last branch are moved to the new one; stability is without the slow guards, so a point
-    in doubt is dotted. Where there is no branch it says so and leaves the last one in grey.
+    Call it with an eccentricity (%) and changes as `vary` takes them; it changes its kept figure
+    and returns the reading. The points of the last branch are moved to the new one; stability is
+    without the slow guards, so a point in doubt is dotted. Where there is no branch it says so and
+    leaves the last one in grey.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -52,39 +55,50 @@ class BranchView:
         self.first, self.gaps = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
         self.plane = figure.add_subplot(grid[:, 1])
         self.first.set(title="1X in x, µm (0-to-peak)")
-        self.gaps.set(title="Smallest gap, mm", xlabel="static eccentricity, %", ylim=(0, 1.05 * MM * self.gap))
+        self.gaps.set(title="Smallest gap, mm", xlabel="static eccentricity, %",
+                      ylim=(0, 1.05 * MM * self.gap))
         self.lines = {word: tuple(axes.plot([], [], LINES[word], color=COLOURS[word],
                                             label=word if axes is self.first else "")[0]
                                   for axes in (self.first, self.gaps)) for word in WORDS}
-        self.folds = [axes.plot([], [], "D", color=COLOURS["fold"], markersize=6)[0] for axes in (self.first, self.gaps)]
-        self.cursors = [axes.axvline(0, color=COLOURS["axis"], linewidth=1) for axes in (self.first, self.gaps)]
-        self.dots = [axes.plot([], [], "o", color=COLOURS["rotor"], markersize=8, markeredgecolor="white")[0]
+        self.folds = [axes.plot([], [], "D", color=COLOURS["fold"], markersize=6)[0]
+                      for axes in (self.first, self.gaps)]
+        self.cursors = [axes.axvline(0, color=COLOURS["axis"], linewidth=1)
+                        for axes in (self.first, self.gaps)]
+        self.dots = [axes.plot([], [], "o", color=COLOURS["rotor"], markersize=8,
+                               markeredgecolor="white")[0]
                      for axes in (self.first, self.gaps)]
         for axes, pair in zip((self.first, self.gaps), ((0, 1), (2, 3)), strict=True):
             self._draw_card(axes, pair[0] // 2)
         self.first.legend(loc="upper left", fontsize=11)
-        moving = [line for pair in self.lines.values() for line in pair] + self.folds + self.cursors + self.dots
+        moving = [line for pair in self.lines.values()
+                  for line in pair] + self.folds + self.cursors + self.dots
         self.kept = KeptFigure(figure, [*moving, *self._draw_plane(self.plane)])
         self._limits(self.card)
 
     def _draw_card(self, axes: Axes, number: int) -> None:
         """The branch of the card, as a pale line that stays."""
         for i, (eccentricity, values) in enumerate(self.card.lines(self._numbers(number)).values()):
-            axes.plot(eccentricity, values, color="#D0D0D0", linewidth=5, zorder=1, label="" if i else "as on the card")
+            axes.plot(eccentricity, values, color="#D0D0D0", linewidth=5, zorder=1,
+                      label="" if i else "as on the card")
 
     def _draw_plane(self, axes: Axes) -> list:
         plane(axes, "Orbits at the generator (numbers: smallest gap)")
         draw_axis(axes)
         self.orbits = [axes.plot([], [])[0] for _ in range(SEVERAL)]
-        self.names = [axes.annotate("", (0.98, 0.97 - 0.06 * i), xycoords="axes fraction", ha="right", va="top", fontsize=13)
+        self.names = [axes.annotate("", (0.98, 0.97 - 0.06 * i), xycoords="axes fraction",
+                                    ha="right", va="top", fontsize=13)
                       for i in range(SEVERAL)]
-        self.stator, = axes.plot([], [], "x", color=COLOURS["stator"], markersize=8, markeredgewidth=2)
-        self.none = axes.annotate("", (0.5, 0.04), xycoords="axes fraction", ha="center", fontsize=14,
+        self.stator, = axes.plot([], [], "x", color=COLOURS["stator"], markersize=8,
+                                 markeredgewidth=2)
+        self.none = axes.annotate("", (0.5, 0.04), xycoords="axes fraction", ha="center",
+                                  fontsize=14,
                                   color=COLOURS["unstable"])
         return [*self.orbits, *self.names, self.stator, self.none]
 
     def _numbers(self, which: int):
-        """A function of eccentricity and coefficients: 1X along the eccentricity in µm (0), smallest gap in mm (1)."""
+        """A function of eccentricity and coefficients: 1X along the eccentricity in µm (0),
+        smallest gap in mm (1).
+        """
         direction, gap = self.card.branch.direction, self.gap
         rows = _rows(self.card.branch.equations.harmonics)
 
@@ -92,7 +106,8 @@ class BranchView:
             return UM * np.hypot(*np.einsum("i,pik->pk", direction, coefficients)[:, 1:3].T)
 
         def left(eccentricity: NDArray, coefficients: NDArray) -> NDArray:
-            away = coefficients @ rows - gap * np.einsum("p,i->pi", eccentricity, direction)[:, :, None]
+            away = coefficients @ rows - gap * np.einsum("p,i->pi", eccentricity,
+                                                         direction)[:, :, None]
             return MM * (gap - np.hypot(away[:, 0], away[:, 1]).max(axis=1))
 
         return left if which else first
@@ -100,20 +115,27 @@ class BranchView:
     def _limits(self, legs: Legs) -> None:
         """Ends of the axes, in a few fixed steps, so that the still part is seldom drawn again."""
         reach = 102 * max(leg.high for leg in legs.all)
-        first = max(self._numbers(0)(np.empty(0), legs.branch.coefficients[leg.rows]).max() for leg in legs.all)
-        wanted = (0, next(limit for limit in LIMITS if limit >= min(reach, 100))), (0, round_up(1.15 * first))
+        first = max(self._numbers(0)(np.empty(0), legs.branch.coefficients[leg.rows]).max()
+                    for leg in legs.all)
+        wanted = (0, next(limit for limit in LIMITS
+                          if limit >= min(reach, 100))), (0, round_up(1.15 * first))
         far = legs.branch.coefficients[:legs.all[-1].rows.stop] @ _rows(legs.branch.equations.harmonics)
         size = round_up(MM * float(np.abs(far).max()) / 1.5)
-        if wanted != (self.first.get_xlim(), self.first.get_ylim()) or size != getattr(self, "_size", None):
+        if wanted != (self.first.get_xlim(), self.first.get_ylim()) or size != getattr(self,
+                                                                                       "_size",
+                                                                                       None):
             self._size = size
             for axes in (self.first, self.gaps):
                 axes.set_xlim(wanted[0])
             self.first.set_ylim(wanted[1])
-            self.plane.set(adjustable="box", xlim=(-1.6 * size, 0.6 * size), ylim=(-1.1 * size, 1.1 * size))
+            self.plane.set(adjustable="box", xlim=(-1.6 * size, 0.6 * size),
+                           ylim=(-1.1 * size, 1.1 * size))
             self.kept.redraw()
 
     def __call__(self, eccentricity: float, changes: Mapping[str, float] | None = None) -> str:
-        """Show the branch with these changes and its orbits at an eccentricity (%); return the reading."""
+        """Show the branch with these changes and its orbits at an eccentricity (%); return the
+        reading.
+        """
         for cursor in self.cursors:
             cursor.set_xdata([eccentricity, eccentricity])
         with threadpool_limits(1):
@@ -128,11 +150,13 @@ class BranchView:
         turns = f"folds at {listed(percent(f.value, 4) for f in folds)} static eccentricity" if folds else "has no fold"
         there = [f"{word} with a smallest gap of {MM * orbit.smallest_gap:.2f} mm"
                  for orbit, word in zip(orbits, verdicts, strict=True)]
-        states = (f"{len(there)} steady state{'s' * (len(there) > 1)}: {listed(there)}" if there else "no steady state")
+        states = (f"{len(there)} steady state{'s' * (len(there) > 1)}: {listed(there)}" if there
+                  else "no steady state")
         return f"The branch {turns}. At {percent(eccentricity / 100)} it has {states}."
 
     def pick(self, x: float, y: float) -> dict[str, float] | None:
-        """Eccentricity (%) of the branch's point nearest to a place in either diagram, or None off both.
+        """Eccentricity (%) of the branch's point nearest to a place in either diagram, or None off
+        both.
 
         x, y: shares of the figure's width and height from its lower left corner.
         """
@@ -142,12 +166,18 @@ class BranchView:
                 return {"eccentricity": round(eccentricity[at], 1)}
         return None
 
-    def _solve(self, eccentricity: float, changes: dict[str, float]) -> tuple[list[PeriodicOrbit], list[str]]:
-        """The orbits at one eccentricity and their verdicts; the branch is moved if the machine has changed."""
-        if changes.keys() == self._changes.keys() and all(np.array_equal(changes[k], self._changes[k]) for k in changes):
+    def _solve(self, eccentricity: float, changes: dict[str, float]) -> tuple[list[PeriodicOrbit],
+                                                                              list[str]]:
+        """The orbits at one eccentricity and their verdicts; the branch is moved if the machine has
+        changed.
+        """
+        if changes.keys() == self._changes.keys() and all(np.array_equal(changes[k],
+                                                                         self._changes[k])
+                                                          for k in changes):
             orbits = orbits_at(self.legs.branch, eccentricity)[:SEVERAL]
             return orbits, [f.verdict for f in floquet_all(orbits, guard=False)]
-        branch = update_branch(self.legs.branch, vary(self.machine, changes).model(), self.machine.speed)
+        branch = update_branch(self.legs.branch, vary(self.machine, changes).model(),
+                               self.machine.speed)
         orbits = orbits_at(branch, eccentricity)[:SEVERAL]
         points = floquet_all([*branch, *orbits], guard=False)  # all in one batch
         self.legs, self._changes = Legs(branch, points[:len(branch)]), changes
@@ -178,7 +208,8 @@ class BranchView:
             name.set_text("")
         for line, name, orbit, word in zip(self.orbits, self.names, orbits, verdicts, strict=False):
             line.set_data(*(MM * orbit.positions(COARSE)))
-            line.set(color=COLOURS[word], linestyle=LINES[word], linewidth=3 if word == "stable" else 1.8)
+            line.set(color=COLOURS[word], linestyle=LINES[word],
+                     linewidth=3 if word == "stable" else 1.8)
             name.set(text=f"{MM * orbit.smallest_gap:.2f} mm", color=COLOURS[word])
         self._mark(self.dots, orbits)
         centres = np.array([orbit.centre for orbit in orbits[:1]]).reshape(-1, 2)
@@ -190,10 +221,12 @@ class BranchView:
         for which, mark in enumerate(marks):
             number = self._numbers(which)
             mark.set_data([100 * orbit.static_eccentricity for orbit in orbits],
-                          [number(np.array([o.static_eccentricity]), o.coefficients[None])[0] for o in orbits])
+                          [number(np.array([o.static_eccentricity]), o.coefficients[None])[0]
+                           for o in orbits])
 
 
 def _rows(harmonics: int) -> NDArray:
     """Rows 1, sin φ, cos φ, … at the coarse phases, (2m + 1, n)."""
     k = np.arange(1, harmonics + 1)[:, None] * COARSE
-    return np.vstack([np.ones_like(COARSE), np.stack([np.sin(k), np.cos(k)], axis=1).reshape(2 * harmonics, -1)])
+    return np.vstack([np.ones_like(COARSE), np.stack([np.sin(k), np.cos(k)],
+                                                     axis=1).reshape(2 * harmonics, -1)])

@@ -1,4 +1,6 @@
-"""A steady state at any static eccentricity, as a figure that moves: the view behind `eccentricity_explorer`."""
+"""A steady state at any static eccentricity, as a figure that moves: the view behind
+`eccentricity_explorer`.
+"""
 
 from __future__ import annotations
 
@@ -30,8 +32,9 @@ INSET = 0.66  # of the gap: side of the square inside the circle that shows the 
 class EccentricityView:
     """The steady state of a machine on a leg of its branch, at any static eccentricity.
 
-    Call it with an eccentricity in per cent and the number of a leg (1 is the first); it changes its kept figure and
-    returns the reading. Where there is no steady state it says so and leaves the last one in grey.
+    Call it with an eccentricity in per cent and the number of a leg (1 is the first); it changes
+    its kept figure and returns the reading. Where there is no steady state it says so and leaves
+    the last one in grey.
     """
 
     def __init__(self, machine: Machine, legs: Legs | None = None) -> None:
@@ -47,16 +50,19 @@ class EccentricityView:
         said = []
         for number, leg in enumerate(self.legs.all, 1):
             words = set(self.legs.words[leg.rows])
-            said.append((f"{number}: {words.pop() if len(words) == 1 else 'in part stable'}", number))
+            said.append((f"{number}: {words.pop() if len(words) == 1 else 'in part stable'}",
+                         number))
         return said
 
     def _draw(self) -> None:
         """Everything that stands still, and the artists that move."""
         figure = new_figure(11.4, 5.5)
         shaft = self.machine.shaft is not None
-        grid = figure.add_gridspec(2, 3 if shaft else 2, width_ratios=(1.7, 1.1, 0.6) if shaft else (1.5, 1.3),
+        grid = figure.add_gridspec(2, 3 if shaft else 2,
+                                   width_ratios=(1.7, 1.1, 0.6) if shaft else (1.5, 1.3),
                                    height_ratios=(1.25, 1))
-        moving = [*self._draw_plane(figure.add_subplot(grid[:, 0])), *self._draw_branch(figure.add_subplot(grid[0, 1])),
+        moving = [*self._draw_plane(figure.add_subplot(grid[:, 0])),
+                  *self._draw_branch(figure.add_subplot(grid[0, 1])),
                   *self._draw_bars(figure.add_subplot(grid[1, 1]))]
         if shaft:
             moving += self._draw_shaft(figure.add_subplot(grid[:, 2]))
@@ -68,76 +74,96 @@ class EccentricityView:
         reach = MM * self.gap * 1.12
         axes.set(adjustable="box", xlim=(-reach, reach), ylim=(-reach, reach))
         side = MM * self.gap * INSET
-        box = axes.inset_axes([0.17 * MM * self.gap, -side / 2, side, side], transform=axes.transData)
+        box = axes.inset_axes([0.17 * MM * self.gap, -side / 2, side, side],
+                              transform=axes.transData)
         box.set(xticks=[], yticks=[], xlim=(-1.08, 1.08), ylim=(-1.08, 1.08))
         box.grid(False)
         box.spines[["top", "right"]].set_visible(True)
         self.circle, = axes.plot([], [], color=COLOURS["stator"], linewidth=3.5)
-        self.stator, = axes.plot([], [], "x", color=COLOURS["stator"], markersize=8, markeredgewidth=2)
+        self.stator, = axes.plot([], [], "x", color=COLOURS["stator"], markersize=8,
+                                 markeredgewidth=2)
         self.path, = axes.plot([], [], color=COLOURS["rotor"], linewidth=2)
-        self.measure, = axes.plot([], [], color=COLOURS["axis"], linewidth=1.4, marker=".", markersize=4)
+        self.measure, = axes.plot([], [], color=COLOURS["axis"], linewidth=1.4, marker=".",
+                                  markersize=4)
         self.large, = box.plot([], [], color=COLOURS["rotor"], linewidth=2.4)
-        self.now, = box.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white", markersize=9)
+        self.now, = box.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white",
+                             markersize=9)
         box.set_title("about its mean", fontsize=11, pad=3)
-        self.scale = box.text(0.5, -0.03, "", transform=box.transAxes, ha="center", va="top", fontsize=11)
-        self.left = axes.annotate("", (0.08 * MM * self.gap, 0.66 * MM * self.gap), ha="center", va="center", fontsize=15)
-        self.none = axes.annotate("", (0.0, -0.72 * MM * self.gap), ha="center", va="center", fontsize=14,
+        self.scale = box.text(0.5, -0.03, "", transform=box.transAxes, ha="center", va="top",
+                              fontsize=11)
+        self.left = axes.annotate("", (0.08 * MM * self.gap, 0.66 * MM * self.gap), ha="center",
+                                  va="center", fontsize=15)
+        self.none = axes.annotate("", (0.0, -0.72 * MM * self.gap), ha="center", va="center",
+                                  fontsize=14,
                                   color=COLOURS["unstable"])
-        return [self.circle, self.stator, self.path, self.measure, self.large, self.now, self.scale, self.left, self.none]
+        return [self.circle, self.stator, self.path, self.measure, self.large, self.now,
+                self.scale, self.left, self.none]
 
     def _draw_branch(self, axes: Axes) -> list:
         self.diagram, self.dense = axes, self.legs.dense(draw_legs(axes, self.legs))
-        self.here, = axes.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white", markersize=11)
+        self.here, = axes.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white",
+                               markersize=11)
         self.cursor = axes.axvline(0.0, color=COLOURS["axis"], linewidth=1)
         return [self.here, self.cursor]
 
     def _draw_bars(self, axes: Axes) -> list:
         places = np.arange(len(PARTS))
-        axes.set(yscale="log", ylim=(LEAST, MOST), xlim=(-0.6, len(PARTS) - 0.4), ylabel="µm (0-to-peak)",
+        axes.set(yscale="log", ylim=(LEAST, MOST), xlim=(-0.6, len(PARTS) - 0.4),
+                 ylabel="µm (0-to-peak)",
                  title="Mean and harmonics")
         axes.set_xticks(places, PARTS)
         axes.yaxis.set_major_formatter("{x:g}")
         axes.grid(axis="x", visible=False)
-        self.bars = {name: axes.bar(places + 0.2 * side, np.full(len(PARTS), LEAST), 0.36, color=COLOURS[name], label=name)
+        self.bars = {name: axes.bar(places + 0.2 * side, np.full(len(PARTS), LEAST), 0.36,
+                                    color=COLOURS[name], label=name)
                      for name, side in (("x", -1), ("z", 1))}
         axes.legend(loc="upper right", ncols=2, fontsize=11)
         return [bar for bars in self.bars.values() for bar in bars]
 
     def _draw_shaft(self, axes: Axes) -> list:
-        orbits = [self.legs.branch[i] for leg in self.legs.all for i in range(*leg.rows.indices(len(self.legs.branch)))][::3]
+        orbits = [self.legs.branch[i] for leg in self.legs.all
+                  for i in range(*leg.rows.indices(len(self.legs.branch)))][::3]
         x = MM * np.array([_extent(rotor_stations(self.machine, orbit)[1]) for orbit in orbits])
         depths = rotor_stations(self.machine, orbits[0])[0]
         wide = np.ptp(x)
-        axes.set(xlim=(x.min() - 0.1 * wide, x.max() + 0.1 * wide), ylim=(depths.max() + 0.4, depths.min() - 0.4),
+        axes.set(xlim=(x.min() - 0.1 * wide, x.max() + 0.1 * wide),
+                 ylim=(depths.max() + 0.4, depths.min() - 0.4),
                  title="Shaft: depth, m", xlabel="x, mm")
         axes.axvline(0, color=COLOURS["axis"], linestyle="-.", linewidth=1.2)
         draw_bearings(axes, self.machine, 0.05 * wide)
         self.mean, = axes.plot([], [], color=COLOURS["mean"], linewidth=2.6, label="mean")
-        self.ends = [axes.plot([], [], color=COLOURS["rotor"], linewidth=1.2, label=words)[0] for words in ("reach", "")]
+        self.ends = [axes.plot([], [], color=COLOURS["rotor"], linewidth=1.2, label=words)[0]
+                     for words in ("reach", "")]
         self.bodies, = axes.plot([], [], "o", color=COLOURS["rotor"], markersize=7)
         self.shape = [self.mean, *self.ends, self.bodies]
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.04), fontsize=10, handlelength=1.0, borderpad=0.3)
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.04), fontsize=10, handlelength=1.0,
+                    borderpad=0.3)
         return self.shape
 
     def __call__(self, eccentricity: float, leg: int = 1) -> str:
-        """Show the steady state at an eccentricity (%) on a leg; return what the figure says, in words."""
+        """Show the steady state at an eccentricity (%) on a leg; return what the figure says, in
+        words.
+        """
         self.cursor.set_xdata([eccentricity, eccentricity])
         with threadpool_limits(1):
             orbit = self.legs.orbit(eccentricity / 100, leg - 1)
         if orbit is None:
             there = self.legs.all[leg - 1] if 0 < leg <= len(self.legs.all) else None
             self._fade(f"leg {leg}: none at {percent(eccentricity / 100)}")
-            also = [str(n) for n, other in enumerate(self.legs.all, 1) if other.holds(eccentricity / 100)]
+            also = [str(n) for n, other in enumerate(self.legs.all, 1)
+                    if other.holds(eccentricity / 100)]
             reach = f" It spans {percent(there.low)} to {percent(there.high, 4)}." if there else ""
             others = f"Other legs that pass here: {', '.join(also)}." if also else "No other leg of the branch passes here."
-            return (f"Leg {leg} has no steady state at {percent(eccentricity / 100)} of the gap; the last one is left in "
+            return (f"Leg {leg} has no steady state at {percent(eccentricity / 100)} of the gap; "
+                    "the last one is left in "
                     f"grey.{reach} {others}")
         verdict = self.legs.verdict(orbit, leg - 1)
         self._show(orbit, verdict)
         return f"Leg {leg}, {verdict}. {orbit_reading(orbit)}"
 
     def pick(self, x: float, y: float) -> dict[str, float] | None:
-        """Eccentricity (%) and leg of the branch's point nearest to a place in the figure, or None off the diagram.
+        """Eccentricity (%) and leg of the branch's point nearest to a place in the figure, or None
+        off the diagram.
 
         x, y: shares of the figure's width and height from its lower left corner.
         """
@@ -145,7 +171,8 @@ class EccentricityView:
         if (at := nearest(self.diagram, x, y, np.column_stack([eccentricity, values]))) is None:
             return None
         leg = self.legs.all[legs[at] - 1]
-        shown = min(max(round(eccentricity[at] / STEP) * STEP, 100 * leg.low), 100 * leg.high)  # a stop of the slider
+        # a stop of the slider
+        shown = min(max(round(eccentricity[at] / STEP) * STEP, 100 * leg.low), 100 * leg.high)
         return {"eccentricity": shown, "leg": int(legs[at])}
 
     def _fade(self, words: str) -> None:
@@ -199,7 +226,9 @@ class EccentricityView:
 
 
 def draw_legs(axes: Axes, legs: Legs) -> Callable[[NDArray, NDArray], NDArray]:
-    """Draw 1X along the eccentricity over all legs; return it as a function of eccentricity and coefficients, µm."""
+    """Draw 1X along the eccentricity over all legs; return it as a function of eccentricity and
+    coefficients, µm.
+    """
     direction = legs.branch.direction
 
     def first(_: NDArray, coefficients: NDArray) -> NDArray:
@@ -209,9 +238,11 @@ def draw_legs(axes: Axes, legs: Legs) -> Callable[[NDArray, NDArray], NDArray]:
         axes.plot(eccentricity, values, LINES[word], color=COLOURS[word], label=word)
     for fold in legs.branch.folds[:len(legs.all)]:
         unknowns = legs.branch.equations.length * fold.unknowns.reshape(1, 2, -1)
-        axes.plot(100 * fold.value, first(np.empty(0), unknowns), "D", color=COLOURS["fold"], markersize=6)
+        axes.plot(100 * fold.value, first(np.empty(0), unknowns), "D", color=COLOURS["fold"],
+                  markersize=6)
     shown = [v for leg in legs.all for v in first(np.empty(0), legs.branch.coefficients[leg.rows])]
-    axes.set(xlabel="static eccentricity, %", title="Steady states", ylabel="1X in x, µm (0-to-peak)",
+    axes.set(xlabel="static eccentricity, %", title="Steady states", ylabel="1X in x, µm "
+             "(0-to-peak)",
              xlim=(0, 104 * max(leg.high for leg in legs.all)), ylim=(0, 1.25 * max(shown)))
     axes.legend(loc="upper right", ncols=2, fontsize=11)
     return first

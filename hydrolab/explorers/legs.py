@@ -1,4 +1,6 @@
-"""Numbers for figures that move: one branch, leg by leg, ready to be asked for its orbit at any eccentricity."""
+"""Numbers for figures that move: one branch, leg by leg, ready to be asked for its orbit at any
+eccentricity.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ from hydrolab.machine.parts import Machine
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A stretch of a branch between two folds (or an end): its least and greatest eccentricity, and its first row."""
+    """A stretch of a branch between two folds (or an end): its least and greatest eccentricity, and
+    its first row.
+    """
 
     low: float
     high: float
@@ -35,7 +39,9 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Legs:
-    """A branch that begins at zero eccentricity, cut at its folds, with the verdict on each of its points."""
+    """A branch that begins at zero eccentricity, cut at its folds, with the verdict on each of its
+    points.
+    """
 
     branch: Branch
     stability: Sequence[Floquet]
@@ -56,7 +62,9 @@ class Legs:
         return verdicts(self.branch, self.stability)
 
     def orbit(self, eccentricity: float, leg: int) -> PeriodicOrbit | None:
-        """The steady state on a leg (0 is the first), or None where the leg does not pass that eccentricity."""
+        """The steady state on a leg (0 is the first), or None where the leg does not pass that
+        eccentricity.
+        """
         if not (0 <= leg < len(self.all) and self.all[leg].holds(eccentricity)):
             return None
         passing = [i for i, other in enumerate(self.all) if other.holds(eccentricity)]
@@ -74,34 +82,46 @@ class Legs:
         return self.words[rows.start + int(np.argmin(away))] if len(away) else "unknown"
 
     def stable_at(self, eccentricity: float) -> tuple[int, ...]:
-        """The legs (0 is the first) that a machine can be on at an eccentricity, by their nearest points."""
+        """The legs (0 is the first) that a machine can be on at an eccentricity, by their nearest
+        points.
+        """
         return tuple(i for i, leg in enumerate(self.all)
                      if leg.holds(eccentricity) and self._verdict_at(eccentricity, i) == "stable")
 
     def lines(self, number, per_branch: int = 240) -> dict[str, tuple[NDArray, NDArray]]:
-        """For each verdict, eccentricity (%) and `number` of the coefficients, with nan between stretches."""
+        """For each verdict, eccentricity (%) and `number` of the coefficients, with nan between
+        stretches.
+        """
         smooth = curve(self.branch)
         pieces: dict[str, list] = {}
         for word, start, end in stretches(smooth, self.words):
             share = (end - start) / (smooth.at_points[-1] - smooth.at_points[0])
-            eccentricity, coefficients = smooth(np.linspace(start, end, 8 + round(per_branch * share)))
+            eccentricity, coefficients = smooth(np.linspace(start, end,
+                                                            8 + round(per_branch * share)))
             pieces.setdefault(word, []).append((100 * np.append(eccentricity, np.nan),
-                                                np.append(number(eccentricity, coefficients), np.nan)))
-        return {word: tuple(np.concatenate(column) for column in zip(*found, strict=True)) for word, found in pieces.items()}
+                                                np.append(number(eccentricity, coefficients),
+                                                          np.nan)))
+        return {word: tuple(np.concatenate(column) for column in zip(*found, strict=True))
+                for word, found in pieces.items()}
 
     def dense(self, number, per_leg: int = 300) -> tuple[NDArray, NDArray, NDArray]:
-        """Eccentricity (%), `number` of the coefficients and the leg (1 is the first), at many points of all legs."""
+        """Eccentricity (%), `number` of the coefficients and the leg (1 is the first), at many
+        points of all legs.
+        """
         smooth = curve(self.branch)
         ends = np.concatenate([[0.0], smooth.at_folds, smooth.at_points[-1:]])
         place = np.concatenate([np.linspace(*ends[i:i + 2], per_leg) for i in range(len(self.all))])
         eccentricity, coefficients = smooth(place)
-        return 100 * eccentricity, number(eccentricity, coefficients), np.repeat(np.arange(len(self.all)) + 1, per_leg)
+        return 100 * eccentricity, number(eccentricity,
+                                          coefficients), np.repeat(np.arange(len(self.all)) + 1,
+                                                                   per_leg)
 
 
 def legs_of(machine: Machine) -> Legs:
     """The branch of a machine at its rated speed, guarded stability and all.
 
-    Raises BadInput for a machine without an air gap or at rest, NoConvergence where there is no first steady state.
+    Raises BadInput for a machine without an air gap or at rest, NoConvergence where there is no
+    first steady state.
     """
     if machine.air_gap is None:
         raise BadInput(f"{machine.name} has no air_gap; an explorer of its eccentricity needs one.")

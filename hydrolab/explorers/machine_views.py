@@ -1,4 +1,6 @@
-"""A machine whose numbers are doubted, as figures that move: calibration to two readings, and causes of a vibration."""
+"""A machine whose numbers are doubted, as figures that move: calibration to two readings, and
+causes of a vibration.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,9 @@ def guide_bearing(machine: Machine) -> RadialBearing:
 
 
 class CalibrationView:
-    """Two readings of a machine as three of its numbers change: 1X when centred, and the first fold. Each try is marked."""
+    """Two readings of a machine as three of its numbers change: 1X when centred, and the first
+    fold. Each try is marked.
+    """
 
     def __init__(self, machine: Machine) -> None:
         self.machine, self.bearing = machine, guide_bearing(machine)
@@ -42,18 +46,23 @@ class CalibrationView:
         with house_style():
             figure = new_figure(11, 5.2)
             left, right = figure.subplots(1, 2)
-            left.axvspan(*FOLDS, color=COLOURS["stable"], alpha=0.35, linewidth=0, label="fold wanted")
+            left.axvspan(*FOLDS, color=COLOURS["stable"], alpha=0.35, linewidth=0,
+                         label="fold wanted")
             self.branch, = left.plot([], [], color=COLOURS["rotor"], label="first leg")
             self.turn, = left.plot([], [], "D", color=COLOURS["fold"])
-            left.plot(0, AMPLITUDE, "o", color=COLOURS["stable"], markersize=14, fillstyle="none", markeredgewidth=2.5,
+            left.plot(0, AMPLITUDE, "o", color=COLOURS["stable"], markersize=14, fillstyle="none",
+                      markeredgewidth=2.5,
                       label="200 µm wanted")
-            left.set(xlim=(0, 12), ylim=(0, 1200), xlabel="static eccentricity, %", title="1X in x, µm (0-to-peak)")
+            left.set(xlim=(0, 12), ylim=(0, 1200), xlabel="static eccentricity, %",
+                     title="1X in x, µm (0-to-peak)")
             left.legend(loc="upper left")
             right.axvspan(*FOLDS, color=COLOURS["stable"], alpha=0.35, linewidth=0)
-            right.axhspan(AMPLITUDE * (1 - NEAR), AMPLITUDE * (1 + NEAR), color=COLOURS["stable"], alpha=0.35, linewidth=0)
+            right.axhspan(AMPLITUDE * (1 - NEAR), AMPLITUDE * (1 + NEAR), color=COLOURS["stable"],
+                          alpha=0.35, linewidth=0)
             self.trail, = right.plot([], [], ".-", color="#AAAAAA", linewidth=1)
             self.now, = right.plot([], [], "o", color=COLOURS["rotor"], markersize=11)
-            right.set(xlim=(5, 12), ylim=(80, 400), xlabel="first fold, %", ylabel="1X when centred, µm (0-to-peak)",
+            right.set(xlim=(5, 12), ylim=(80, 400), xlabel="first fold, %",
+                      ylabel="1X when centred, µm (0-to-peak)",
                       title="Both at once: where the bands cross")
         self.kept = KeptFigure(figure, [self.branch, self.turn, self.trail, self.now])
 
@@ -64,11 +73,14 @@ class CalibrationView:
     def _varied(self, depth: float, mass: float, unbalance: float) -> Machine:
         nodes = self.machine.shaft.nodes.copy()
         nodes[self.bearing.node] = depth
-        return vary(self.machine, {"shaft.nodes": nodes, f"bodies.{self.body.name}.mass": 1e3 * mass,
+        return vary(self.machine, {"shaft.nodes": nodes,
+                                   f"bodies.{self.body.name}.mass": 1e3 * mass,
                                    "unbalance": unbalance})
 
     def __call__(self, depth: float, mass: float, unbalance: float) -> str:
-        """Show a depth of the guide bearing (m), a generator mass (t) and a factor on all unbalances; return the reading."""
+        """Show a depth of the guide bearing (m), a generator mass (t) and a factor on all
+        unbalances; return the reading.
+        """
         with threadpool_limits(1):
             model = self._varied(depth, mass, unbalance).model()
             branch = follow(model, speed=self.machine.speed, to=0.5, method=Arclength(max_folds=1))
@@ -89,17 +101,22 @@ class CalibrationView:
         hits = FOLDS[0] <= fold <= FOLDS[1], abs(size / AMPLITUDE - 1) <= NEAR
         self.now.set_data([fold], [size])
         self.now.set_color(COLOURS["stable"] if all(hits) else COLOURS["rotor"])
-        verdict = {(True, True): "Both agree with the paper.", (True, False): "The fold agrees with the paper, 1X does not.",
-                   (False, True): "1X agrees with the paper, the fold does not.", (False, False): "Neither agrees."}[hits]
-        return (f"{said}, 1X is {size:.1f} µm when centred (0-to-peak; wanted {AMPLITUDE:.0f}) and the branch folds at "
+        verdict = {(True, True): "Both agree with the paper.", (True, False): "The fold agrees "
+                   "with the paper, 1X does not.",
+                   (False, True): "1X agrees with the paper, the fold does not.",
+                   (False, False): "Neither agrees."}[hits]
+        return (f"{said}, 1X is {size:.1f} µm when centred (0-to-peak; wanted {AMPLITUDE:.0f}) and "
+                "the branch folds at "
                 f"{fold:.3f} % (wanted {FOLDS[0]:.2f} to {FOLDS[1]:.2f}). {verdict}")
 
 
 class DiagnosisView:
-    """One cause at a time, from nothing to much: how it changes the orbit at the generator and what a sensor reads.
+    """One cause at a time, from nothing to much: how it changes the orbit at the generator and what
+    a sensor reads.
 
-    The healthy machine stands a little off centre, as every machine does. size 1 of a cause is twice the unbalance, 8 %
-    static eccentricity in all, 10 % more field, or half the stiffness of the guide bearing.
+    The healthy machine stands a little off centre, as every machine does. size 1 of a cause is
+    twice the unbalance, 8 % static eccentricity in all, 10 % more field, or half the stiffness of
+    the guide bearing.
     """
 
     HEALTHY = 0.01  # static eccentricity
@@ -112,9 +129,11 @@ class DiagnosisView:
             figure = new_figure(11, 5)
             left, right = figure.subplots(1, 2, width_ratios=(1, 1.2))
             plane(left, "Orbit at the generator about its mean")
-            left.set(xlabel="x, µm", ylabel="z, µm", adjustable="box", xlim=(-1000, 1000), ylim=(-1000, 1000),
+            left.set(xlabel="x, µm", ylabel="z, µm", adjustable="box", xlim=(-1000, 1000),
+                     ylim=(-1000, 1000),
                      xticks=range(-1000, 1001, 500), yticks=range(-1000, 1001, 500))
-            left.plot(*(UM * (self.healthy.positions(REVOLUTION) - self.healthy.mean[:, None])), color="#C8C8C8",
+            left.plot(*(UM * (self.healthy.positions(REVOLUTION) - self.healthy.mean[:, None])),
+                      color="#C8C8C8",
                       linewidth=6, label="healthy")
             self.path, = left.plot([], [], color=COLOURS["rotor"], label="now")
             left.legend(loc="upper right")
@@ -137,9 +156,11 @@ class DiagnosisView:
         elif cause == CAUSES[2]:
             changes = {"field": self.machine.air_gap.field * (1 + 0.1 * size)}
         else:
-            changes = {f"bearings.{self.bearing.name}.stiffness": self.bearing.stiffness * (1 - 0.5 * size)}
+            changes = {f"bearings.{self.bearing.name}.stiffness": self.bearing.stiffness
+                       * (1 - 0.5 * size)}
         with threadpool_limits(1):
-            return HarmonicBalance(harmonics=8).solve(vary(self.machine, changes).model(), self.machine.speed, eccentricity)
+            return HarmonicBalance(harmonics=8).solve(vary(self.machine, changes).model(),
+                                                      self.machine.speed, eccentricity)
 
     @staticmethod
     def _sizes(orbit: PeriodicOrbit) -> np.ndarray:
@@ -156,7 +177,11 @@ class DiagnosisView:
             bar.set_height(value)
         mean, major, minor, _ = sizes
         second, before = (100 * second_share(o.coefficients) for o in (orbit, self.healthy))
-        return (f"{cause.capitalize()}, {100 * size:.0f} % of its range: the mean is {microns(mean / UM)} "
-                f"({mean / base[0]:.2f} times the healthy one), 1X is an ellipse of {microns(major / UM)} by "
-                f"{microns(minor / UM)} (0-to-peak; {major / base[1]:.2f} and {minor / base[2]:.2f} times), 2X is "
-                f"{second:.2f} % of 1X ({before:.2f} % when healthy), the smallest gap {MM * orbit.smallest_gap:.2f} mm.")
+        return (f"{cause.capitalize()}, {100 * size:.0f} % of its range: the mean is "
+                f"{microns(mean / UM)} "
+                f"({mean / base[0]:.2f} times the healthy one), 1X is an ellipse of "
+                f"{microns(major / UM)} by "
+                f"{microns(minor / UM)} (0-to-peak; {major / base[1]:.2f} and "
+                f"{minor / base[2]:.2f} times), 2X is "
+                f"{second:.2f} % of 1X ({before:.2f} % when healthy), the smallest gap "
+                f"{MM * orbit.smallest_gap:.2f} mm.")

@@ -1,4 +1,6 @@
-"""The model of a machine as figures that move: how many elements are enough, and modes over the speed."""
+"""The model of a machine as figures that move: how many elements are enough, and modes over the
+speed.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +25,11 @@ COLOUR = (COLOURS["x"], COLOURS["z"], COLOURS["2X"], COLOURS["3X"])
 
 
 class ElementsView:
-    """A shaft pinned at both ends in 1 to 16 Timoshenko elements, against its exact bending frequencies.
+    """A shaft pinned at both ends in 1 to 16 Timoshenko elements, against its exact bending
+    frequencies.
 
-    The exact shapes are sines, and each frequency follows from a quadratic (S. P. Timoshenko, 1921):
-    E I k⁴ − ω² (ρA + ρI k² + ρ E I k²/(κG)) + ω⁴ ρ² I/(κG) = 0 with k = nπ/L.
+    The exact shapes are sines, and each frequency follows from a quadratic (S. P. Timoshenko,
+    1921): E I k⁴ − ω² (ρA + ρI k² + ρ E I k²/(κG)) + ω⁴ ρ² I/(κG) = 0 with k = nπ/L.
     """
 
     def __init__(self, shaft: Shaft) -> None:
@@ -43,14 +46,18 @@ class ElementsView:
             left.set(xlim=(0, 1), ylim=(-1.25, 1.25), xlabel="depth / length", title="Shape")
             left.legend(loc="upper right", ncols=2)
             for n, colour in enumerate(COLOUR):
-                known = [(count, 100 * (f[n] / self.exact[n] - 1)) for count, f in found.items() if len(f) > n]
-                right.plot(*zip(*known, strict=True), color=colour, marker=".", label=f"mode {n + 1}")
-            right.set(xscale="log", yscale="log", xlabel="elements", ylim=(1e-4, 300), xlim=(0.9, 18),
+                known = [(count, 100 * (f[n] / self.exact[n] - 1)) for count, f in found.items()
+                         if len(f) > n]
+                right.plot(*zip(*known, strict=True), color=colour, marker=".",
+                           label=f"mode {n + 1}")
+            right.set(xscale="log", yscale="log", xlabel="elements", ylim=(1e-4, 300),
+                      xlim=(0.9, 18),
                       title="Frequency too high by, %")
             right.set_xticks([1, 2, 3, 4, 6, 8, 12, 16], [1, 2, 3, 4, 6, 8, 12, 16])
             right.minorticks_off()
             right.legend(loc="lower left")
-            self.here, = right.plot([], [], "o", markersize=14, fillstyle="none", color=COLOURS["mean"])
+            self.here, = right.plot([], [], "o", markersize=14, fillstyle="none",
+                                    color=COLOURS["mean"])
         self.kept = KeptFigure(figure, [self.sine, self.line, self.here])
 
     def _frequency(self, n: int) -> float:
@@ -63,10 +70,14 @@ class ElementsView:
         return math.sqrt(2 * c / (b + math.sqrt(b * b - 4 * a * c)))
 
     def modes(self, count: int) -> tuple[NDArray, NDArray]:
-        """Frequencies (rad/s, ascending) and shapes x at the nodes (nodes, modes) of the bending in (x, y)."""
-        ends = RadialBearing("top", 0, 1.0), RadialBearing("bottom", count, 1.0)  # a machine needs some; pinned below
+        """Frequencies (rad/s, ascending) and shapes x at the nodes (nodes, modes) of the bending in
+        (x, y).
+        """
+        # a machine needs some; pinned below
+        ends = RadialBearing("top", 0, 1.0), RadialBearing("bottom", count, 1.0)
         model = Machine("shaft", 0.0, _uniform(self.shaft, count), (), ends).model()
-        free = [4 * i + dof for i in range(count + 1) for dof in (0, 3) if dof or 0 < i < count]  # x inside, every θz
+        # x inside, every θz
+        free = [4 * i + dof for i in range(count + 1) for dof in (0, 3) if dof or 0 < i < count]
         squares, vectors = eigh(model.K[np.ix_(free, free)], model.M[np.ix_(free, free)])
         shapes = np.zeros((count + 1, len(free)))
         shapes[1:-1] = vectors[[i for i, dof in enumerate(free) if dof % 4 == 0]]
@@ -79,7 +90,8 @@ class ElementsView:
         sine = np.sin(mode * math.pi * self.y)
         nodes = np.linspace(0, 1, elements + 1)
         at_nodes = np.sin(mode * math.pi * nodes)
-        size = shape @ at_nodes / (at_nodes @ at_nodes) if at_nodes @ at_nodes > 1e-9 else math.inf  # all nodes at rest
+        # all nodes at rest
+        size = shape @ at_nodes / (at_nodes @ at_nodes) if at_nodes @ at_nodes > 1e-9 else math.inf
         self.sine.set_data(self.y, sine)
         self.line.set_data(nodes, shape / size)
         if len(frequencies) < mode:
@@ -95,11 +107,13 @@ class ElementsView:
 def _uniform(shaft: Shaft, count: int) -> Shaft:
     """A shaft's length in equal Timoshenko elements of its mean diameters."""
     return replace(shaft, nodes=np.linspace(0, shaft.length, count + 1), element="timoshenko",
-                   diameter=float(np.mean(shaft.diameter)), inner_diameter=float(np.mean(shaft.inner_diameter)))
+                   diameter=float(np.mean(shaft.diameter)),
+                   inner_diameter=float(np.mean(shaft.inner_diameter)))
 
 
 class CampbellView:
-    """The Campbell diagram of a machine while its bearings and its gyroscopic effect change, with the modes at a speed.
+    """The Campbell diagram of a machine while its bearings and its gyroscopic effect change, with
+    the modes at a speed.
 
     Damping of the material is left out: modes that hardly oscillate would hide the others.
     """
@@ -115,14 +129,18 @@ class CampbellView:
             axes = figure.subplots()
             rpm = self.speeds / RPM
             axes.plot(rpm, rpm / 60, color=COLOURS["1X"], linewidth=1.6)
-            axes.annotate("1X", (rpm[-1], min(rpm[-1] / 60, top)), xytext=(-6, -16), textcoords="offset points",
+            axes.annotate("1X", (rpm[-1], min(rpm[-1] / 60, top)), xytext=(-6, -16),
+                          textcoords="offset points",
                           color=COLOURS["1X"], ha="right", va="top", fontsize=14)
-            self.lines = {way: axes.plot([], [], line, color=colour, label=way)[0] for way, line, colour in
+            self.lines = {way: axes.plot([], [], line, color=colour, label=way)[0]
+                          for way, line, colour in
                           (("forward", "-", COLOURS["x"]), ("backward", "--", COLOURS["z"]),
                            ("planar", ":", COLOURS["unknown"]))}
-            self.critical, = axes.plot([], [], "D", color=COLOURS["fold"], label="critical speed", linestyle="none")
+            self.critical, = axes.plot([], [], "D", color=COLOURS["fold"], label="critical speed",
+                                       linestyle="none")
             self.cursor = axes.axvline(0, color=COLOURS["axis"], linewidth=1)
-            self.now, = axes.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white", markersize=9)
+            self.now, = axes.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white",
+                                  markersize=9)
             axes.set(xlim=(0, rpm[-1]), ylim=(0, top), xlabel="speed, rpm", ylabel="frequency, Hz",
                      title=f"Campbell diagram of {machine.name}")
             axes.legend(loc="upper left", ncols=2)
@@ -130,11 +148,14 @@ class CampbellView:
 
     def _varied(self, stiffness: float, gyroscopic: float) -> Machine:
         bodies = tuple(replace(b, Ip=gyroscopic * b.Ip) for b in self.machine.bodies)
-        bearings = tuple(replace(b, stiffness=stiffness * b.stiffness) for b in self.machine.bearings)
+        bearings = tuple(replace(b, stiffness=stiffness * b.stiffness)
+                         for b in self.machine.bearings)
         return replace(self.machine, bodies=bodies, bearings=bearings)
 
     def __call__(self, speed: float, stiffness: float, gyroscopic: float) -> str:
-        """Show the diagram at a speed (rpm), bearings and polar inertias as multiples of the card's; return the reading."""
+        """Show the diagram at a speed (rpm), bearings and polar inertias as multiples of the
+        card's; return the reading.
+        """
         model = self._varied(stiffness, gyroscopic).model()
         with threadpool_limits(1):
             if (stiffness, gyroscopic) != self._key:
@@ -142,12 +163,14 @@ class CampbellView:
                 self._key = stiffness, gyroscopic
             now = modes(model, speed * RPM)
         rpm, hertz, whirl = self.speeds / RPM, self.diagram.hertz, self.diagram.whirl
-        ways = {"forward": whirl >= 0.05, "backward": whirl <= -0.05, "planar": np.abs(whirl) < 0.05}
+        ways = {"forward": whirl >= 0.05, "backward": whirl <= -0.05,
+                "planar": np.abs(whirl) < 0.05}
         for way, line in self.lines.items():
             near = ways[way].copy()
             near[1:] |= ways[way][:-1]  # so that a line reaches the point where it changes its kind
             line.set_data(np.tile([*rpm, np.nan], self.branches),
-                          np.vstack([np.where(near, hertz, np.nan), np.full(self.branches, np.nan)]).T.ravel())
+                          np.vstack([np.where(near, hertz, np.nan),
+                                     np.full(self.branches, np.nan)]).T.ravel())
         critical = self.diagram.critical_speeds
         self.critical.set_data(critical / RPM, critical / 2 / math.pi)
         self.cursor.set_xdata([speed, speed])
@@ -155,5 +178,7 @@ class CampbellView:
         self.now.set_data(np.full(len(shown), speed), shown)
         said = listed(f"{c / RPM:.0f}" for c in critical) if len(critical) else "none up to here"
         lowest = [f"{f:.2f} Hz {way}" for f, way in zip(now.hertz[:4], now.direction, strict=False)]
-        return (f"Bearings {stiffness:.2f} times as stiff as on the card, gyroscopic effect {100 * gyroscopic:.0f} %. At "
-                f"{speed:.0f} rpm the lowest modes are at {listed(lowest)}. Critical speeds (1X), rpm: {said}.")
+        return (f"Bearings {stiffness:.2f} times as stiff as on the card, gyroscopic effect "
+                f"{100 * gyroscopic:.0f} %. At "
+                f"{speed:.0f} rpm the lowest modes are at {listed(lowest)}. Critical speeds (1X), "
+                f"rpm: {said}.")

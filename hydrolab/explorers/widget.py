@@ -1,21 +1,28 @@
-"""A figure that is drawn again and again: what stands still is drawn and sent once, what moves is drawn over it.
+"""A figure that is drawn again and again: what stands still is drawn and sent once, what moves is
+drawn over it.
 
-Drawing a whole figure takes ten times as long as drawing the few lines of it that change, and to write and read a PNG of
-it as long again; so a picture that follows a slider is a PNG of what stands still and the pixels that differ from it.
+Drawing a whole figure takes ten times as long as drawing the few lines of it that change, and to
+write and read a PNG of it as long again; so a picture that follows a slider is a PNG of what stands
+still and the pixels that differ from it.
 
-Flip-books: what an explorer shows along its main slider, computed in advance for pages that have no kernel.
+Flip-books: what an explorer shows along its main slider, computed in advance for pages that have no
+kernel.
 
-A stored notebook carries the frames beside the first picture; JupyterLab ignores them, the static book shows them
-with a slider. The first frame is kept whole, the others as what differs from it, so that ten of them are small.
+A stored notebook carries the frames beside the first picture; JupyterLab ignores them, the static
+book shows them with a slider. The first frame is kept whole, the others as what differs from it, so
+that ten of them are small.
 
-An explorer: controls above one kept figure and its reading. What is seen is decided by a view that knows no widget.
+An explorer: controls above one kept figure and its reading. What is seen is decided by a view that
+knows no widget.
 
-A view takes the controls' values by name, changes its kept figure and returns the reading. Where there is nothing to
-show it raises what the library raises (NoConvergence, Contact, BadInput); the last picture then stays, in grey, with
-the reason. The browser holds back a slider's moves while the last one is being drawn and sends the newest
-afterwards, so a fast drag never queues up and always ends where the slider ends.
+A view takes the controls' values by name, changes its kept figure and returns the reading. Where
+there is nothing to show it raises what the library raises (NoConvergence, Contact, BadInput); the
+last picture then stays, in grey, with the reason. The browser holds back a slider's moves while the
+last one is being drawn and sends the newest afterwards, so a fast drag never queues up and always
+ends where the slider ends.
 
-Sliders for a view that a chapter writes in its own cell: a function from the sliders' values to a `Picture`.
+Sliders for a view that a chapter writes in its own cell: a function from the sliders' values to a
+`Picture`.
 """
 
 from __future__ import annotations
@@ -49,14 +56,15 @@ COMPRESSION = 1  # of the PNG: the quickest; larger files do not leave this comp
 class KeptFigure:
     """A figure with its own Agg canvas, and the artists of it that move.
 
-    Change the artists, then ask for `png()`, or for `layers()`. After changing anything else (limits, ticks, titles) call
-    `redraw()`.
+    Change the artists, then ask for `png()`, or for `layers()`. After changing anything else
+    (limits, ticks, titles) call `redraw()`.
     """
 
     def __init__(self, figure: Figure, moving: Iterable[Artist]) -> None:
         self.figure, self.moving = figure, sorted(moving, key=lambda artist: artist.get_zorder())
         for artist in self.moving:
-            artist.set_animated(True)  # left out when the still part is drawn, and in when the figure is saved
+            # left out when the still part is drawn, and in when the figure is saved
+            artist.set_animated(True)
         self._still: Any = None
         self._ground: tuple[NDArray, bytes] | None = None  # the still part, as pixels and as PNG
         self._last: NDArray | None = None
@@ -75,7 +83,8 @@ class KeptFigure:
         return quick_png(self._pixels())
 
     def layers(self) -> tuple[bytes, bytes]:
-        """The figure as it is now: what stands still, as PNG, and the pixels that `differ` from it."""
+        """The figure as it is now: what stands still, as PNG, and the pixels that `differ` from it.
+        """
         pixels = self._pixels()
         if self._ground is None:
             canvas = self.figure.canvas
@@ -100,25 +109,32 @@ class KeptFigure:
         return self._last
 
     def greyed(self, words: str = "nothing to show here") -> bytes:
-        """The last picture in pale grey with words across it, as PNG; asked again, it does not fade further."""
+        """The last picture in pale grey with words across it, as PNG; asked again, it does not fade
+        further.
+        """
         if self._last is None:
             self._pixels()
-        renderer = self.figure.canvas.get_renderer()  # anew, where the figure was saved at another resolution
+        # anew, where the figure was saved at another resolution
+        renderer = self.figure.canvas.get_renderer()
         pixels = np.asarray(renderer.buffer_rgba())
         pixels[...] = 255 - 0.35 * (255 - self._last[..., :3].mean(axis=2, keepdims=True))
         pixels[..., 3] = 255
         with house_style():
-            note = self.figure.text(0.5, 0.5, words, ha="center", va="center", fontsize=22, color=COLOURS["unstable"],
-                                    bbox={"facecolor": "white", "edgecolor": COLOURS["unstable"], "pad": 12})
+            note = self.figure.text(0.5, 0.5, words, ha="center", va="center", fontsize=22,
+                                    color=COLOURS["unstable"],
+                                    bbox={"facecolor": "white", "edgecolor": COLOURS["unstable"],
+                                          "pad": 12})
             note.draw(renderer)
         note.remove()
         return quick_png(pixels)
 
 
 def differing(still: NDArray, now: NDArray) -> bytes:
-    """The pixels of one picture that differ from another of the same size, in runs: 4-byte numbers, little end first.
+    """The pixels of one picture that differ from another of the same size, in runs: 4-byte numbers,
+    little end first.
 
-    How many runs there are, where each begins (counted along the rows), how long each is, and then all their pixels.
+    How many runs there are, where each begins (counted along the rows), how long each is, and then
+    all their pixels.
     """
     pixels = now.reshape(-1, 4).view("<u4")[:, 0]
     at = np.flatnonzero(still.reshape(-1, 4).view("<u4")[:, 0] != pixels)
@@ -128,16 +144,22 @@ def differing(still: NDArray, now: NDArray) -> bytes:
 
 
 def quick_png(pixels: NDArray) -> bytes:
-    """A PNG of pixels (height, width, 4) of bytes, without filters: in half the time that a general writer takes."""
+    """A PNG of pixels (height, width, 4) of bytes, without filters: in half the time that a general
+    writer takes.
+    """
     height, width = pixels.shape[:2]
     rows = np.zeros((height, 1 + 4 * width), dtype=np.uint8)  # each row begins with its filter, 0
     rows[:, 1:] = pixels.reshape(height, -1)
 
     def chunk(kind: bytes, content: bytes) -> bytes:
-        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I",
+                                                                              zlib.crc32(kind
+                                                                                         + content))
 
-    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)  # 8 bits, RGBA, the only compression and filter
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows, COMPRESSION))
+    # 8 bits, RGBA, the only compression and filter
+    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT",
+                                                                  zlib.compress(rows, COMPRESSION))
             + chunk(b"IEND", b""))
 
 
@@ -158,11 +180,14 @@ class Frame:
 def main_control(controls: Mapping[str, Any]) -> str | None:
     """The name of the first of an explorer's controls that is a slider, or None."""
     return next((name for name, control in controls.items()
-                 if hasattr(control, "readout") and (hasattr(control, "options") or hasattr(control, "step"))), None)
+                 if hasattr(control, "readout")
+                 and (hasattr(control, "options") or hasattr(control, "step"))), None)
 
 
 def slider_values(control: Any, count: int = FRAMES, keep: Any = None) -> list[Any]:
-    """At most `count` values of a slider, in its order; both ends and `keep` (by default its value) are among them."""
+    """At most `count` values of a slider, in its order; both ends and `keep` (by default its value)
+    are among them.
+    """
     keep = control.value if keep is None else keep
     if hasattr(control, "options"):
         options = [option[1] if isinstance(option, tuple) else option for option in control.options]
@@ -177,22 +202,29 @@ def _places(steps: int, now: int, count: int) -> list[int]:
     """At most `count` of the places 0 … steps, evenly spaced but for `now`."""
     taken = {round(place) for place in np.linspace(0, steps, min(count, steps + 1))}
     if now not in taken:
-        nearest = min((place for place in taken if 0 < place < steps), key=lambda place: abs(place - now))
+        nearest = min((place for place in taken if 0 < place < steps),
+                      key=lambda place: abs(place - now))
         taken = (taken - {nearest}) | {now}
     return sorted(taken)
 
 
 def shown(control: Any, value: Any) -> str:
     """A value as the slider writes it."""
-    return str(value) if hasattr(control, "options") else format(value, getattr(control, "readout_format", "") or "g")
+    return str(value) if hasattr(control, "options") else format(value,
+                                                                 getattr(control, "readout_format",
+                                                                         "") or "g")
 
 
 def flipbook(label: str, frames: Sequence[Frame], start: int) -> str:
-    """The frames as JSON: label of the slider, number of the frame to begin with, the whole frame, and all frames."""
+    """The frames as JSON: label of the slider, number of the frame to begin with, the whole frame,
+    and all frames.
+    """
     first = _pixels(frames[start].png)
-    rows = [{"value": frame.value, "reading": frame.reading, "picture": _uri(_difference(_pixels(frame.png), first))}
+    rows = [{"value": frame.value, "reading": frame.reading,
+             "picture": _uri(_difference(_pixels(frame.png), first))}
             for frame in frames]
-    return json.dumps({"label": label, "start": start, "width": first.shape[1], "height": first.shape[0],
+    return json.dumps({"label": label, "start": start, "width": first.shape[1],
+                       "height": first.shape[0],
                        "whole": _uri(_few_colours(first)), "frames": rows}, ensure_ascii=False)
 
 
@@ -211,7 +243,8 @@ def _difference(pixels: NDArray, first: NDArray) -> Image.Image:
         return _few_colours(pixels)
     same = (pixels == first).all(axis=2)
     changed = np.asarray(_few_colours(np.where(same[..., None], np.uint8(255), pixels)))
-    seen = np.dstack([np.where(same[..., None], np.uint8(0), changed), np.where(same, np.uint8(0), np.uint8(255))])
+    seen = np.dstack([np.where(same[..., None], np.uint8(0), changed),
+                      np.where(same, np.uint8(0), np.uint8(255))])
     return Image.fromarray(seen, "RGBA")
 
 
@@ -226,10 +259,11 @@ Pick = Callable[[float, float], Mapping[str, Any] | None]
 
 
 class PictureWidget(anywidget.AnyWidget):
-    """A picture and its reading in the browser: alt text, a line that a screen reader says when it changes, clicks.
+    """A picture and its reading in the browser: alt text, a line that a screen reader says when it
+    changes, clicks.
 
-    still: PNG. moving: the pixels that differ from it (`kept_figure.differing`), or nothing. width: CSS pixels.
-    clickable: send {"x", "y"} on a click, as shares from the lower left corner.
+    still: PNG. moving: the pixels that differ from it (`kept_figure.differing`), or nothing. width:
+    CSS pixels. clickable: send {"x", "y"} on a click, as shares from the lower left corner.
     """
 
     _esm = Path(__file__).with_name("picture_widget.js")
@@ -243,14 +277,16 @@ class PictureWidget(anywidget.AnyWidget):
 class FigureExplorer(widgets.VBox):
     """Controls, a reset button, a picture and its reading.
 
-    view: from the controls' values, by name, to the reading. kept: the figure that it changes. pick: from a point of
-    the figure, as shares of its width and height from the lower left, to new values of controls, or None; with it a
-    click on the picture sets them. start: called before the reset, for a view that remembers. Where there is no kernel,
-    as in a stored notebook, the first picture and its reading stand in its place, and in the static book a flip-book
-    of at most `frames` pictures along the first slider.
+    view: from the controls' values, by name, to the reading. kept: the figure that it changes.
+    pick: from a point of the figure, as shares of its width and height from the lower left, to new
+    values of controls, or None; with it a click on the picture sets them. start: called before the
+    reset, for a view that remembers. Where there is no kernel, as in a stored notebook, the first
+    picture and its reading stand in its place, and in the static book a flip-book of at most
+    `frames` pictures along the first slider.
     """
 
-    def __init__(self, view: View, kept: KeptFigure, controls: Mapping[str, Any], pick: Pick | None = None,
+    def __init__(self, view: View, kept: KeptFigure, controls: Mapping[str, Any],
+                 pick: Pick | None = None,
                  start: Callable[[], None] | None = None, frames: int = FRAMES) -> None:
         self.frames = frames
         self.view, self.kept, self.controls = view, kept, dict(controls)
@@ -258,14 +294,17 @@ class FigureExplorer(widgets.VBox):
         self.initial = {name: control.value for name, control in controls.items()}
         self.image = PictureWidget(clickable=pick is not None)
         self.image.on_msg(self._clicked)
-        self.reset = widgets.Button(description="Reset", tooltip="Back to the first values", layout={"width": "7em"})
+        self.reset = widgets.Button(description="Reset", tooltip="Back to the first values",
+                                    layout={"width": "7em"})
         self.reset.on_click(self._back)
         for control in self.controls.values():
-            control.style.description_width = wide_enough(control.description for control in controls.values())
+            control.style.description_width = wide_enough(control.description
+                                                          for control in controls.values())
             control.observe(self._show, "value")
         self._show()
         self.image.width = kept.width
-        self._first = Picture(kept.figure, self.reading)._repr_mimebundle_()  # now, while the figure shows it
+        # now, while the figure shows it
+        self._first = Picture(kept.figure, self.reading)._repr_mimebundle_()
         super().__init__([*self.controls.values(), self.reset, self.image])
 
     @property
@@ -294,13 +333,16 @@ class FigureExplorer(widgets.VBox):
 
     def _show(self, change: Any = None) -> None:
         """Ask the view, and send its figure and its words in one message."""
-        reading, there = self._asked({name: control.value for name, control in self.controls.items()})
+        reading, there = self._asked({name: control.value
+                                      for name, control in self.controls.items()})
         still, moving = self.kept.layers() if there else (self.kept.greyed(), b"")
         with self.image.hold_sync():
             self.image.reading, self.image.still, self.image.moving = reading, still, moving
 
     def flipbook(self) -> dict[str, str]:
-        """What is seen along the first slider, the other controls as at the start, for a page without a kernel."""
+        """What is seen along the first slider, the other controls as at the start, for a page
+        without a kernel.
+        """
         name = main_control(self.controls)
         if name is None:
             return {}
@@ -309,7 +351,8 @@ class FigureExplorer(widgets.VBox):
             self.start()  # a view that remembers begins the book anew
         for value in slider_values(main, self.frames, self.initial[name]):
             reading, there = self._asked(self.initial | {name: value})
-            frames.append(Frame(shown(main, value), reading, self.kept.png() if there else self.kept.greyed()))
+            frames.append(Frame(shown(main, value), reading,
+                                self.kept.png() if there else self.kept.greyed()))
         if self.start:
             self.start()
         self._show()
@@ -323,9 +366,12 @@ class FigureExplorer(widgets.VBox):
         self.set(**self.initial)
 
     def _clicked(self, widget: Any, content: Any, buffers: Any) -> None:
-        """Set what `pick` finds at a place in the figure; what does not look like one is passed over."""
+        """Set what `pick` finds at a place in the figure; what does not look like one is passed
+        over.
+        """
         place = [content.get(axis) for axis in ("x", "y")] if isinstance(content, dict) else [None]
-        if self.pick and all(isinstance(v, (int, float)) and 0 <= v <= 1 for v in place) and (found := self.pick(*place)):
+        if self.pick and all(isinstance(v, (int, float)) and 0 <= v <= 1
+                             for v in place) and (found := self.pick(*place)):
             self.set(**found)
 
     def _repr_mimebundle_(self, **kwargs: Any) -> dict[str, Any]:
@@ -337,7 +383,8 @@ def wide_enough(words: Iterable[str], more: float = 1.0) -> str:
     return f"{0.56 * max(map(len, words)) + more:.1f}em"
 
 
-def slider(description: str, value: float, low: float, high: float, step: float, digits: int) -> widgets.FloatSlider:
+def slider(description: str, value: float, low: float, high: float, step: float,
+           digits: int) -> widgets.FloatSlider:
     """A slider in the explorers' layout, sent while it moves."""
     return widgets.FloatSlider(value=value, min=low, max=high, step=step, description=description,
                                readout_format=f".{digits}f", layout={"width": "min(46em, 98%)"})
@@ -345,7 +392,8 @@ def slider(description: str, value: float, low: float, high: float, step: float,
 
 def whole(description: str, value: int, low: int, high: int) -> widgets.IntSlider:
     """A slider over whole numbers, in the same layout."""
-    return widgets.IntSlider(value=value, min=low, max=high, description=description, layout={"width": "min(46em, 98%)"})
+    return widgets.IntSlider(value=value, min=low, max=high, description=description,
+                             layout={"width": "min(46em, 98%)"})
 
 
 def steps(description: str, value: int, options: list[int]) -> widgets.SelectionSlider:
@@ -361,7 +409,8 @@ def choice(description: str, value: str, options: list[str]) -> widgets.ToggleBu
 
 
 class Explorer(FigureExplorer):
-    """A `FigureExplorer` of a view that returns a `Picture`: of one kept figure, which is quickest, or of a new one.
+    """A `FigureExplorer` of a view that returns a `Picture`: of one kept figure, which is quickest,
+    or of a new one.
 
     The margins stay as they were for the first picture.
     """

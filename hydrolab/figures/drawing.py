@@ -1,4 +1,6 @@
-"""Pieces that several figures share: an orbit with its sense of rotation, the gap, the smallest gap, limits."""
+"""Pieces that several figures share: an orbit with its sense of rotation, the gap, the smallest
+gap, limits.
+"""
 
 from __future__ import annotations
 
@@ -17,17 +19,22 @@ MM, UM = 1e3, 1e6  # from metres
 RPM = math.pi / 30  # in rad/s
 
 
-def draw_orbit(axes: Axes, path: NDArray, colour: Any, *, label: str = "", width: float = 2.2, line: str = "-",
+def draw_orbit(axes: Axes, path: NDArray, colour: Any, *, label: str = "", width: float = 2.2,
+               line: str = "-",
                sense: bool = True) -> None:
-    """Draw one revolution, path (2, n) in m from Ωt = 0, in mm, with its sense unless that is switched off."""
+    """Draw one revolution, path (2, n) in m from Ωt = 0, in mm, with its sense unless that is
+    switched off.
+    """
     axes.plot(*(MM * path), line, color=colour, linewidth=width, label=label)
     if sense:
         draw_sense(axes, path, colour)
 
 
 def draw_sense(axes: Axes, path: NDArray, colour: Any, label: str = "") -> None:
-    """A dot where a revolution begins, at Ωt = 0, and an arrow the way it goes; path (2, n) in m."""
-    axes.plot(*(MM * path[:, :1]), "o", color=colour, markersize=8, markeredgecolor="white", zorder=5, linestyle="none",
+    """A dot where a revolution begins, at Ωt = 0, and an arrow the way it goes; path (2, n) in m.
+    """
+    axes.plot(*(MM * path[:, :1]), "o", color=colour, markersize=8, markeredgecolor="white",
+              zorder=5, linestyle="none",
               label=label)
     draw_arrow(axes, path, colour)
 
@@ -38,16 +45,21 @@ def draw_arrow(axes: Axes, path: NDArray, colour: Any, at: float = 0.6) -> None:
     if here < 0:
         return
     tail, tip = MM * path[:, here], MM * path[:, here + 6]
-    axes.annotate("", xy=tip, xytext=tail, arrowprops={"arrowstyle": "-|>", "color": colour, "mutation_scale": 17,
+    axes.annotate("", xy=tip, xytext=tail, arrowprops={"arrowstyle": "-|>", "color": colour,
+                                                       "mutation_scale": 17,
                                                        "shrinkA": 0, "shrinkB": 0})
 
 
 def draw_gap(axes: Axes, centre: NDArray, gap: float, *, label: bool = True) -> None:
-    """The circle the rotor centre may not leave, radius g0 about the stator centre; that centre; the bearing axis."""
-    words = (f"contact, radius {MM * gap:.3g} mm", "stator centre", "bearing axis") if label else ("",) * 3
+    """The circle the rotor centre may not leave, radius g0 about the stator centre; that centre;
+    the bearing axis.
+    """
+    words = (f"contact, radius {MM * gap:.3g} mm", "stator centre",
+             "bearing axis") if label else ("",) * 3
     circle = centre[:, None] + gap * np.array([np.sin(REVOLUTION), np.cos(REVOLUTION)])
     axes.plot(*(MM * circle), color=COLOURS["stator"], linewidth=3, label=words[0])
-    axes.plot(*(MM * centre), "x", color=COLOURS["stator"], markersize=8, markeredgewidth=2, label=words[1])
+    axes.plot(*(MM * centre), "x", color=COLOURS["stator"], markersize=8, markeredgewidth=2,
+              label=words[1])
     draw_axis(axes, words[2])
 
 
@@ -57,7 +69,8 @@ def draw_axis(axes: Axes, label: str = "") -> None:
 
 
 def nearest(axes: Axes, x: float, y: float, points: NDArray) -> int | None:
-    """Which of some points (P, 2) of the axes is nearest to a place in the figure, as it is seen; None off the axes.
+    """Which of some points (P, 2) of the axes is nearest to a place in the figure, as it is seen;
+    None off the axes.
 
     x, y: shares of the figure's width and height from its lower left corner.
     """
@@ -65,7 +78,8 @@ def nearest(axes: Axes, x: float, y: float, points: NDArray) -> int | None:
     place = np.array([(x - box.x0) / box.width, (y - box.y0) / box.height])
     if not ((place > -0.03) & (place < 1.03)).all():
         return None
-    return int(np.argmin(np.hypot(*((axes.transScale + axes.transLimits).transform(points) - place).T)))
+    return int(np.argmin(np.hypot(*((axes.transScale + axes.transLimits).transform(points)
+                                    - place).T)))
 
 
 def draw_smallest_gap(axes: Axes, orbit: PeriodicOrbit) -> None:
@@ -78,14 +92,18 @@ def draw_smallest_gap(axes: Axes, orbit: PeriodicOrbit) -> None:
         return  # at rest in the middle: the gap is the same all around
     touch = orbit.centre + away[:, at] * orbit.model.gap / radius
     axes.annotate("", xy=MM * touch, xytext=MM * path[:, at],
-                  arrowprops={"arrowstyle": "<|-|>", "color": COLOURS["axis"], "shrinkA": 0, "shrinkB": 0})
+                  arrowprops={"arrowstyle": "<|-|>", "color": COLOURS["axis"], "shrinkA": 0,
+                              "shrinkB": 0})
     middle = MM * (touch + path[:, at]) / 2
-    axes.annotate(f"{MM * orbit.smallest_gap:.2f} mm", middle, xytext=(0, 9), textcoords="offset points",
+    axes.annotate(f"{MM * orbit.smallest_gap:.2f} mm", middle, xytext=(0, 9),
+                  textcoords="offset points",
                   ha="center", fontsize=12)
 
 
 def frame(axes: Axes, points: ArrayLike, margin: float = 0.12) -> None:
-    """Set the limits around points (2, n) in m, in mm, with a margin; the same aspect fills the rest."""
+    """Set the limits around points (2, n) in m, in mm, with a margin; the same aspect fills the
+    rest.
+    """
     x, z = MM * np.asarray(points)
     pad = max(margin * max(np.ptp(x), np.ptp(z)), 1e-3)
     axes.set_xlim(x.min() - pad, x.max() + pad, auto=None)  # not fixed: equal aspect widens them
@@ -95,6 +113,7 @@ def frame(axes: Axes, points: ArrayLike, margin: float = 0.12) -> None:
 def frame_gap(axes: Axes, centre: NDArray, gap: float) -> None:
     """Set the limits around the whole gap, and put the legend where the circle leaves room."""
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="center", bbox_to_anchor=tuple(MM * (centre - [0, 0.5 * gap])), bbox_transform=axes.transData,
+        axes.legend(loc="center", bbox_to_anchor=tuple(MM * (centre - [0, 0.5 * gap])),
+                    bbox_transform=axes.transData,
                     handlelength=1.5)
     frame(axes, centre[:, None] + gap * np.array([[-1.0, 1.0], [-1.0, 1.0]]), 0.04)

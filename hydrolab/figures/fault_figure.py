@@ -18,7 +18,8 @@ LEAST = 0.1  # µm; what is smaller is not drawn, and said to be nothing
 
 @house_style()
 def fault_picture(table: FaultTable) -> Picture:
-    """Orbits of each fault at the rated speed, with the field on and off, and their mean, 1X, 2X and 3X in bars.
+    """Orbits of each fault at the rated speed, with the field on and off, and their mean, 1X, 2X
+    and 3X in bars.
 
     Marks beside the bars are the same at the table's other speeds, with the field on.
     """
@@ -56,13 +57,17 @@ def _bars(axes, table: FaultTable) -> None:
         for field, fill in ((1.0, True), (0.0, False)):
             heights = [UM * sizes(table.row(fault, field))[i] for fault in table.faults]
             shown = np.where(np.nan_to_num(heights) > LEAST, heights, np.nan)
-            axes.bar(places, shown, 0.9 * width, color=COLOURS[order] if fill else "none", alpha=0.75 if fill else 1.0,
+            axes.bar(places, shown, 0.9 * width, color=COLOURS[order] if fill else "none",
+                     alpha=0.75 if fill else 1.0,
                      edgecolor="none" if fill else COLOURS["axis"], linewidth=1.6,
-                     label=f"{order}, field on" if fill else "field off" if i == len(ORDERS) - 1 else "")
+                     label=f"{order}, field on" if fill else "field off" if i == len(ORDERS) - 1
+                     else "")
         for speed, mark in zip(other_speeds(table), "DsvP", strict=False):
-            heights = np.array([UM * sizes(table.row(fault, 1.0, speed))[i] for fault in table.faults])
+            heights = np.array([UM * sizes(table.row(fault, 1.0, speed))[i]
+                                for fault in table.faults])
             shown = np.where(np.nan_to_num(heights) > LEAST, heights, np.nan)
-            axes.plot(places, shown, mark, color="white", markeredgecolor="black", markersize=8, linestyle="none",
+            axes.plot(places, shown, mark, color="white", markeredgecolor="black", markersize=8,
+                      linestyle="none",
                       label=f"at {speed / RPM:.4g} rpm, field on" if i == len(ORDERS) - 1 else "")
     axes.set_yscale("log")
     axes.set_ylim(bottom=LEAST)
@@ -83,11 +88,14 @@ def _speed_words(table: FaultTable, solved: list[FaultRow]) -> str:
     said = ""
     for speed in other_speeds(table):
         shares = {row.fault: there.size(2) / row.size(2) for row in solved
-                  if (there := table.row(row.fault, 1.0, speed)).orbit is not None and row.size(2) * UM > LEAST}
+                  if (there := table.row(row.fault, 1.0, speed)).orbit is not None
+                  and row.size(2) * UM > LEAST}
         if shares:
             least, most = min(shares, key=shares.get), max(shares, key=shares.get)
-            said += (f" At {speed / RPM:.4g} rpm with the field on 2X is {shares[least]:.2f} ({least}) to "
-                     f"{shares[most]:.2f} ({most}) times that at {table.machine.speed / RPM:.4g} rpm.")
+            said += (f" At {speed / RPM:.4g} rpm with the field on 2X is {shares[least]:.2f} "
+                     f"({least}) to "
+                     f"{shares[most]:.2f} ({most}) times that at {table.machine.speed / RPM:.4g} "
+                     "rpm.")
     return said
 
 
@@ -97,8 +105,8 @@ def sizes(row: FaultRow) -> tuple[float, ...]:
 
 
 def fault_reading(table: FaultTable) -> str:
-    """What stands out in the table: at the rated speed the largest 2X and 3X, the flattest 1X, what is left without the
-    field; and how 2X changes with the speed.
+    """What stands out in the table: at the rated speed the largest 2X and 3X, the flattest 1X, what
+    is left without the field; and how 2X changes with the speed.
     """
     on = [table.row(fault) for fault in table.faults]
     off = [row for fault in table.faults if (row := table.row(fault, 0.0)).orbit is not None]
@@ -111,17 +119,22 @@ def fault_reading(table: FaultTable) -> str:
     lost = [row.fault for row in on if row.orbit is None]
     doubtful = [f"{row.fault} ({row.verdict})" for row in solved if row.verdict != "stable"]
     return (f"With the field on 2X is largest with {second.fault}, {microns(second.size(2))} or "
-            f"{100 * second.size(2) / second.size(1):.0f} % of 1X, and 3X with {third.fault}, {microns(third.size(3))}; the "
+            f"{100 * second.size(2) / second.size(1):.0f} % of 1X, and 3X with {third.fault}, "
+            f"{microns(third.size(3))}; the "
             f"1X ellipse is flattest with {flat.fault}, minor over major {flat.shape.ratio:.2f}. "
-            + (f"With the field off 2X or 3X above {LEAST:g} µm are left with {listed(left)}." if left else
+            + (f"With the field off 2X or 3X above {LEAST:g} µm are left with {listed(left)}."
+               if left else
                f"With the field off no fault leaves 2X or 3X above {LEAST:g} µm"
-               + (", so switching it off does not tell the faults apart." if len(table.faults) > 1 else "."))
+               + (", so switching it off does not tell the faults apart." if len(table.faults) > 1
+                  else "."))
             + (f" Not stable: {listed(doubtful)}." if doubtful else "")
             + (f" No steady state was found with {listed(lost)}." if lost else "")
-            + (" 1X without the field is " + _span([row.size(1) for row in off]) + "." if off else "")
+            + (" 1X without the field is " + _span([row.size(1) for row in off]) + "." if off
+               else "")
             + _speed_words(table, solved))
 
 
 def _span(values: list[float]) -> str:
     low, high = min(values), max(values)
-    return microns(low) if math.isclose(low, high, rel_tol=1e-3) else f"{microns(low)} to {microns(high)}"
+    return microns(low) if math.isclose(low, high,
+                                        rel_tol=1e-3) else f"{microns(low)} to {microns(high)}"

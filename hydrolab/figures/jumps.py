@@ -25,11 +25,12 @@ PASSAGES = (("s", BLUE), ("^", ORANGE), ("v", PURPLE))
 
 
 @house_style()
-def hysteresis_picture(branch: Branch, stability: Sequence[Floquet], passages: Mapping[str, Passage]) -> Picture:
+def hysteresis_picture(branch: Branch, stability: Sequence[Floquet],
+                       passages: Mapping[str, Passage]) -> Picture:
     """A branch and what a machine does in time while the eccentricity moves slowly.
 
-    Shown is x at the moment Ωt = 0: one dot a value where the motion repeats every revolution, more where it does not.
-    passages: by name, as `sweep_in_time` returns them; at most three.
+    Shown is x at the moment Ωt = 0: one dot a value where the motion repeats every revolution, more
+    where it does not. passages: by name, as `sweep_in_time` returns them; at most three.
     """
     figure = new_figure(11, 6)
     axes = figure.subplots()
@@ -38,20 +39,23 @@ def hysteresis_picture(branch: Branch, stability: Sequence[Floquet], passages: M
     words = []
     for (name, passage), (marker, colour) in zip(passages.items(), PASSAGES, strict=False):
         values = np.repeat(100 * passage.static_eccentricity, passage.section.shape[1])
-        axes.plot(values, UM * passage.section[:, :, 0].ravel(), marker, color=colour, markersize=4.5, linestyle="none",
+        axes.plot(values, UM * passage.section[:, :, 0].ravel(), marker, color=colour,
+                  markersize=4.5, linestyle="none",
                   label=f"{name}, in time")
         words.append(f"{name}: {_passage_words(passage)}")
     axes.set(xlabel="static eccentricity, % of the gap", ylabel="x at Ωt = 0, µm",
              title="Steady states, and a slow passage in time")
     axes.legend(loc="lower left")
-    return Picture(figure, "The generator's x at Ωt = 0 over the static eccentricity. " + " ".join(words))
+    return Picture(figure, "The generator's x at Ωt = 0 over the static eccentricity. "
+                   + " ".join(words))
 
 
 def _passage_words(passage: Passage) -> str:
     """From where to where, where it stops repeating every revolution, and how it ends."""
     if not len(passage.static_eccentricity):
         return passage.stopped
-    values, jumps = passage.static_eccentricity, np.abs(np.diff(passage.section[:, -1], axis=0)).max(axis=1)
+    values, jumps = passage.static_eccentricity, np.abs(np.diff(passage.section[:, -1],
+                                                                axis=0)).max(axis=1)
     said = f"from {percent(values[0])} to {percent(values[-1])}"
     if len(jumps) and jumps.max() > max(5 * np.median(jumps), 20e-6) and passage.settled.all():
         said += f", with a jump of {MM * jumps.max():.2f} mm at {percent(values[int(np.argmax(jumps)) + 1])}"
@@ -70,29 +74,36 @@ def basins_picture(found: Basins, names: Sequence[str]) -> Picture:
     order = [kinds.index(kind) for kind in sorted(kinds)]
     figure = new_figure(9, 6.5)
     axes = figure.subplots()
-    axes.pcolormesh(MM * found.displacement, MM * found.velocity, shown, shading="nearest", vmin=-0.5,
+    axes.pcolormesh(MM * found.displacement, MM * found.velocity, shown, shading="nearest",
+                    vmin=-0.5,
                     vmax=len(kinds) - 0.5, cmap=ListedColormap([colours[i] for i in order]))
     axes.set(xlabel="starting displacement along x, mm", ylabel="starting velocity along x, mm/s",
              title=f"Where the rotor is after {found.revolutions} revolutions")
     axes.grid(False)
     axes.plot(0, 0, "+", color=BLACK, markersize=12, markeredgewidth=2)
     shares = {label: found.share(kind) for kind, label in zip(kinds, labels, strict=True)}
-    figure.legend(handles=[Patch(color=c, label=label) for c, label in zip(colours, labels, strict=True) if shares[label]],
+    figure.legend(handles=[Patch(color=c, label=label)
+                           for c, label in zip(colours, labels, strict=True) if shares[label]],
                   loc="outside lower center", ncols=4)
-    words = listed([f"{100 * share:.0f} % end in {label}" for label, share in shares.items() if share])
+    words = listed([f"{100 * share:.0f} % end in {label}" for label, share in shares.items()
+                    if share])
     return Picture(figure, f"Of {found.ends.size} starts off {names[0]} (+), at phase 0, {words}.")
 
 
 @house_style()
-def multipliers_picture(branch: Branch, stability: Sequence[Floquet], rows: Sequence[int], count: int = 4) -> Picture:
-    """The leading Floquet multipliers of some rows of a branch, in the complex plane with the unit circle."""
+def multipliers_picture(branch: Branch, stability: Sequence[Floquet], rows: Sequence[int],
+                        count: int = 4) -> Picture:
+    """The leading Floquet multipliers of some rows of a branch, in the complex plane with the unit
+    circle.
+    """
     figure = new_figure(7.5, 6.5)
     axes = figure.subplots()
     turn = np.linspace(0, 2 * np.pi, 361)
     axes.plot(np.cos(turn), np.sin(turn), color=COLOURS["axis"], linewidth=1.5)
     for row in rows:
         leading = stability[row].multipliers[:count]
-        axes.plot(leading.real, leading.imag, "o", color=COLOURS[stability[row].verdict], markersize=6)
+        axes.plot(leading.real, leading.imag, "o", color=COLOURS[stability[row].verdict],
+                  markersize=6)
     for verdict in ("stable", "unstable", "unknown"):
         if any(stability[row].verdict == verdict for row in rows):
             axes.plot([], [], "o", color=COLOURS[verdict], label=verdict)
@@ -100,14 +111,18 @@ def multipliers_picture(branch: Branch, stability: Sequence[Floquet], rows: Sequ
     axes.set_aspect("equal", adjustable="datalim")
     axes.legend(loc="upper right")
     values = branch.values[list(rows)]
-    outside = [branch.path.say(v) for v, row in zip(values, rows, strict=True) if stability[row].verdict == "unstable"]
-    return Picture(figure, f"Multipliers at {len(rows)} points from {branch.path.say(values[0])} to "
-                           f"{branch.path.say(values[-1])}; outside the unit circle at {len(outside)} of them"
+    outside = [branch.path.say(v) for v, row in zip(values, rows, strict=True)
+               if stability[row].verdict == "unstable"]
+    return Picture(figure, f"Multipliers at {len(rows)} points from {branch.path.say(values[0])} "
+                           "to "
+                           f"{branch.path.say(values[-1])}; outside the unit circle at "
+                           f"{len(outside)} of them"
                            + (f", first at {outside[0]}." if outside else "."))
 
 
 @house_style()
-def map_picture(found: xarray.Dataset, quantity: str = "smallest_gap", *, x_scale: float = 1.0, y_scale: float = 1.0,
+def map_picture(found: xarray.Dataset, quantity: str = "smallest_gap", *, x_scale: float = 1.0,
+                y_scale: float = 1.0,
                 x_label: str = "", y_label: str = "") -> Picture:
     """One quantity of a map, with the line on which the first fold lies.
 
@@ -123,11 +138,13 @@ def map_picture(found: xarray.Dataset, quantity: str = "smallest_gap", *, x_scal
     distance = found["fold_distance"].values
     if np.isfinite(distance).all() and distance.min() < 0 < distance.max():
         axes.contour(x, y, distance, levels=[0.0], colors=[BLACK], linewidths=2.2)
-    axes.set(xlabel=x_label or str(found.attrs["x_parameter"]), ylabel=y_label or str(found.attrs["y_parameter"]))
+    axes.set(xlabel=x_label or str(found.attrs["x_parameter"]),
+             ylabel=y_label or str(found.attrs["y_parameter"]))
     axes.grid(False)
     known = values[np.isfinite(values)]
     share = 100 * len(known) / values.size
     span = f"from {scale * known.min():.3g} to {scale * known.max():.3g} {unit}" if len(known) else "nowhere known"
     name = found[quantity].attrs["long_name"].capitalize()
-    return Picture(figure, f"{name}: {span} on {share:.0f} % of the map; the rest has no steady state on the first "
+    return Picture(figure, f"{name}: {span} on {share:.0f} % of the map; the rest has no steady "
+                           "state on the first "
                            "leg, beyond the line of the first fold.")

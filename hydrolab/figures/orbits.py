@@ -1,4 +1,5 @@
-"""A branch as a line: smooth between its points, stable stretches solid and the others dashed, folds as diamonds.
+"""A branch as a line: smooth between its points, stable stretches solid and the others dashed,
+folds as diamonds.
 
 Results as figures that carry their readings.
 """
@@ -32,14 +33,16 @@ from hydrolab.figures.picture import Picture
 from hydrolab.figures.readings import along, branch_reading, first_along, orbit_reading, percent, verdicts
 from hydrolab.figures.style import COLOURS, LINES, house_style, new_figure, plane
 
-Number = Callable[[NDArray], NDArray]  # coefficients, shape (points, 2, 2m + 1) → a length of each point, m
+# coefficients, shape (points, 2, 2m + 1) → a length of each point, m
+Number = Callable[[NDArray], NDArray]
 
 
 @dataclass(frozen=True)
 class Curve:
     """A branch as a smooth curve through its points and folds, for the eye.
 
-    at_points, at_folds: position of each along the curve. spline: position → [eccentricity, coefficients …].
+    at_points, at_folds: position of each along the curve. spline: position → [eccentricity,
+    coefficients …].
     """
 
     at_points: NDArray
@@ -47,13 +50,17 @@ class Curve:
     spline: CubicSpline
 
     def __call__(self, position: NDArray) -> tuple[NDArray, NDArray]:
-        """Static eccentricity (fraction of the gap) and coefficients (m, (…, 2, 2m + 1)) at these positions."""
+        """Static eccentricity (fraction of the gap) and coefficients (m, (…, 2, 2m + 1)) at these
+        positions.
+        """
         rows = self.spline(position)
         return rows[..., 0], rows[..., 1:].reshape(*rows.shape[:-1], 2, -1)
 
 
 def curve(branch: Branch) -> Curve:
-    """A cubic spline over the chord length; the folds are among its knots, so it turns where the branch does."""
+    """A cubic spline over the chord length; the folds are among its knots, so it turns where the
+    branch does.
+    """
     length = branch.equations.length
     points = np.column_stack([branch.static_eccentricity, length * branch.unknowns])
     after = np.array([fold.after for fold in branch.folds], dtype=int)
@@ -68,7 +75,9 @@ def curve(branch: Branch) -> Curve:
 
 
 def stretches(branch_curve: Curve, words: Sequence[str]) -> list[tuple[str, float, float]]:
-    """Stretches of one verdict and their ends along the curve: at a fold between two points, else half way."""
+    """Stretches of one verdict and their ends along the curve: at a fold between two points, else
+    half way.
+    """
     points, folds = branch_curve.at_points, branch_curve.at_folds
     found = [(words[0], points[0], points[-1])]
     for i in range(1, len(words)):
@@ -80,10 +89,12 @@ def stretches(branch_curve: Curve, words: Sequence[str]) -> list[tuple[str, floa
     return found
 
 
-def draw_branch(axes: Axes, branch: Branch, number: Number, stability: Sequence[Floquet] | None = None) -> None:
+def draw_branch(axes: Axes, branch: Branch, number: Number,
+                stability: Sequence[Floquet] | None = None) -> None:
     """Draw one number of a branch (m, in µm) over the static eccentricity (%)."""
     if len(branch) == 1:
-        axes.plot(100 * branch.static_eccentricity, UM * number(branch.coefficients), "o", color=COLOURS["rotor"],
+        axes.plot(100 * branch.static_eccentricity, UM * number(branch.coefficients), "o",
+                  color=COLOURS["rotor"],
                   label="steady state")
         return
     smooth = curve(branch)
@@ -98,7 +109,8 @@ def draw_branch(axes: Axes, branch: Branch, number: Number, stability: Sequence[
         seen.add(verdict)
     if len(smooth.at_folds):
         eccentricity, coefficients = smooth(smooth.at_folds)
-        axes.plot(100 * eccentricity, UM * number(coefficients), "D", color=COLOURS["fold"], label="fold", zorder=5)
+        axes.plot(100 * eccentricity, UM * number(coefficients), "D", color=COLOURS["fold"],
+                  label="fold", zorder=5)
 
 
 @house_style()
@@ -111,7 +123,8 @@ def orbit_picture(orbit: PeriodicOrbit) -> Picture:
     plane(near, f"Orbit at {percent(orbit.static_eccentricity)} static eccentricity")
     draw_orbit(near, path, COLOURS["rotor"], label="rotor centre", sense=False)
     draw_sense(near, path, COLOURS["rotor"], "Ωt = 0")
-    near.plot(*(MM * orbit.mean), "+", color=COLOURS["mean"], markersize=10, markeredgewidth=1.6, label="mean")
+    near.plot(*(MM * orbit.mean), "+", color=COLOURS["mean"], markersize=10, markeredgewidth=1.6,
+              label="mean")
     frame(near, path, 0.25)
     near.legend(loc="upper right")
     for axes in far:
@@ -127,9 +140,11 @@ def orbit_picture(orbit: PeriodicOrbit) -> Picture:
 
 @house_style()
 def branch_picture(branch: Branch, stability: Sequence[Floquet] | None = None) -> Picture:
-    """A branch over the static eccentricity: the mean and 1X, both along the eccentricity, with folds.
+    """A branch over the static eccentricity: the mean and 1X, both along the eccentricity, with
+    folds.
 
-    stability: of each of its points, as `branch_stability` gives it; without it nothing is said about stability.
+    stability: of each of its points, as `branch_stability` gives it; without it nothing is said
+    about stability.
     """
     figure = new_figure(12, 5.5)
     left, right = figure.subplots(1, 2, sharex=True)

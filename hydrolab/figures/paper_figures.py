@@ -2,12 +2,15 @@
 
 Figure 7 of the paper: the whole rotor under the pull, bent, with the orbit of every node.
 
-Seen from the side and from above: x is to the right, the depth y points down, and z points away from the reader,
-which an orthographic view from above turns into up. Displacements are exaggerated, by the same factor everywhere.
+Seen from the side and from above: x is to the right, the depth y points down, and z points away
+from the reader, which an orthographic view from above turns into up. Displacements are exaggerated,
+by the same factor everywhere.
 
-Figure 8, which the paper could not show: the branch past its folds, and what the rotor does beyond them.
+Figure 8, which the paper could not show: the branch past its folds, and what the rotor does beyond
+them.
 
-The paper's Figures 3 to 6, computed: harmonic balance against integration, and the static eccentricity.
+The paper's Figures 3 to 6, computed: harmonic balance against integration, and the static
+eccentricity.
 
 Each takes a `hydrolab.paper.study.Study`. Percentages in titles are those of the machine at hand.
 """
@@ -55,7 +58,8 @@ from hydrolab.figures.style import COLOURS, LINES, eccentricity_colours, house_s
 from hydrolab.machine.model import Model, rigid_link
 from hydrolab.machine.parts import Machine
 
-VALIDATION = 8.8  # the paper's percentages; `eccentricity` says what they stand for on another machine
+# the paper's percentages; `eccentricity` says what they stand for on another machine
+VALIDATION = 8.8
 BEYOND = 9.0
 EVOLUTION = (0.0, 3.0, 5.0, 7.0, 8.0, 8.5, 8.8, 8.9)
 ROTOR = (1.0, 5.0, 7.0, 8.9)
@@ -86,7 +90,9 @@ def quoted(study: StudyResult, percentage: float) -> str:
 
 
 def validation(study: StudyResult) -> tuple[NDArray, NDArray, NDArray]:
-    """Times (s) of the last three revolutions of the check, integrated positions, and harmonic balance there, m."""
+    """Times (s) of the last three revolutions of the check, integrated positions, and harmonic
+    balance there, m.
+    """
     times, path = study.check.last(min(3.0, study.check.revolutions))
     return times, path, study.orbits[VALIDATION].positions(study.speed * times)
 
@@ -97,10 +103,14 @@ def figure_3_reading(study: StudyResult) -> str:
     orbit = study.orbits[VALIDATION]
     apart = float(np.hypot(*(balance - path)).max())
     stopped = "" if study.check.finished else f" {study.check.stopped}"
-    return (f"At {quoted(study, VALIDATION)} static eccentricity the orbits by harmonic balance ({orbit.harmonics} "
-            f"harmonics) and by direct integration (the last 3 of {study.check.revolutions:.0f} revolutions) are at "
-            f"most {microns(apart)} apart, {100 * apart / vibration(orbit):.3f} % of the largest vibration of "
-            f"{microns(vibration(orbit))}; the smallest gap is {1e3 * orbit.smallest_gap:.3f} mm of "
+    return (f"At {quoted(study, VALIDATION)} static eccentricity the orbits by harmonic balance "
+            f"({orbit.harmonics} "
+            f"harmonics) and by direct integration (the last 3 of {study.check.revolutions:.0f} "
+            "revolutions) are at "
+            f"most {microns(apart)} apart, {100 * apart / vibration(orbit):.3f} % of the largest "
+            "vibration of "
+            f"{microns(vibration(orbit))}; the smallest gap is {1e3 * orbit.smallest_gap:.3f} mm "
+            "of "
             f"{1e3 * study.model.gap:.3f} mm.{stopped}")
 
 
@@ -109,34 +119,45 @@ def figure_4_reading(study: StudyResult) -> str:
     times, path, balance = validation(study)
     apart = np.abs(balance - path).max(axis=1)
     swing = np.ptp(balance, axis=1)
-    return (f"Over the last {(times[-1] - times[0]) * study.speed / (2 * math.pi):.0f} revolutions at "
-            f"{quoted(study, VALIDATION)} static eccentricity x swings over {microns(swing[0])} and z over "
-            f"{microns(swing[1])} (peak to peak); harmonic balance and direct integration differ by at most "
+    return (f"Over the last {(times[-1] - times[0]) * study.speed / (2 * math.pi):.0f} revolutions "
+            "at "
+            f"{quoted(study, VALIDATION)} static eccentricity x swings over {microns(swing[0])} "
+            "and z over "
+            f"{microns(swing[1])} (peak to peak); harmonic balance and direct integration differ "
+            "by at most "
             f"{microns(apart[0])} in x and {microns(apart[1])} in z.")
 
 
 def figure_5_reading(study: StudyResult) -> str:
     """How mean, 1X and 2X grow on the first leg."""
     start, end = study.orbits[0.0], study.orbits[8.9]
-    marks = [f"{microns(study.orbits[p].amplitudes[0, 0])} at {quoted(study, p)}" for p in (0.0, 4.0, 8.0, 8.9)]
-    last = (f"the first fold, at {percent(study.branch.folds[0].value, 4)}" if study.branch.folds else
+    marks = [f"{microns(study.orbits[p].amplitudes[0, 0])} at {quoted(study, p)}"
+             for p in (0.0, 4.0, 8.0, 8.9)]
+    last = (f"the first fold, at {percent(study.branch.folds[0].value, 4)}" if study.branch.folds
+            else
             f"the end of the branch, at {percent(study.branch.static_eccentricity[-1], 4)}")
     return (f"Up to {last} static eccentricity: 1X in x (0-to-peak) is {listed(marks)}, "
-            f"{end.amplitudes[0, 0] / start.amplitudes[0, 0]:.2f} times that at 0 %; the mean in x is "
+            f"{end.amplitudes[0, 0] / start.amplitudes[0, 0]:.2f} times that at 0 %; the mean in x "
+            "is "
             f"{microns(abs(end.mean[0]))} at {quoted(study, 8.9)}; 2X is "
             f"{100 * second_share(study.orbits[4.0].coefficients):.1f} % of 1X at "
-            f"{quoted(study, 4.0)} and {100 * second_share(end.coefficients):.1f} % at {quoted(study, 8.9)}.")
+            f"{quoted(study, 4.0)} and {100 * second_share(end.coefficients):.1f} % at "
+            f"{quoted(study, 8.9)}.")
 
 
 def figure_6_reading(study: StudyResult) -> str:
     """How far the orbit travels, how round it is, and where it has a loop."""
     orbits = [study.orbits[p] for p in EVOLUTION]
-    ratios = [f"{ellipse(study.orbits[p].coefficients).ratio:.2f} at {quoted(study, p)}" for p in (0.0, 5.0, 7.0, 8.9)]
-    looped = [quoted(study, p) for p, o in zip(EVOLUTION, orbits, strict=True) if self_crossings(o.positions(PHASE))]
+    ratios = [f"{ellipse(study.orbits[p].coefficients).ratio:.2f} at {quoted(study, p)}"
+              for p in (0.0, 5.0, 7.0, 8.9)]
+    looped = [quoted(study, p) for p, o in zip(EVOLUTION, orbits, strict=True)
+              if self_crossings(o.positions(PHASE))]
     travelled = 1e3 * float(np.hypot(*(orbits[-1].mean - orbits[0].mean)))
     loops = f"the orbit crosses itself at {listed(looped)}" if looped else "no orbit crosses itself"
-    return (f"From 0 to {quoted(study, EVOLUTION[-1])} static eccentricity the orbit at the generator travels "
-            f"{travelled:.2f} mm towards the smallest gap; the axes of its 1X ellipse have the ratio "
+    return (f"From 0 to {quoted(study, EVOLUTION[-1])} static eccentricity the orbit at the "
+            "generator travels "
+            f"{travelled:.2f} mm towards the smallest gap; the axes of its 1X ellipse have the "
+            "ratio "
             f"{listed(ratios)}; {loops}.")
 
 
@@ -145,10 +166,12 @@ def figure_7_reading(study: StudyResult) -> str:
     nodes = range(len(study.model.depths))
 
     def largest(p: float) -> tuple[float, float]:
-        found = [study.orbits[p].node_coefficients(n) for n in nodes] + [study.orbits[p].coefficients]
+        found = [study.orbits[p].node_coefficients(n)
+                 for n in nodes] + [study.orbits[p].coefficients]
         return max(math.hypot(*c[:, 0]) for c in found), max(ellipse(c).major for c in found)
 
-    said = [f"{microns(mean)} and {microns(first)} at {quoted(study, p)}" for p, (mean, first) in zip(
+    said = [f"{microns(mean)} and {microns(first)} at {quoted(study, p)}"
+            for p, (mean, first) in zip(
         ROTOR, map(largest, ROTOR), strict=True)]
     return f"Largest mean displacement and largest 1X (0-to-peak, long half axis) of the rotor: {', '.join(said)}."
 
@@ -168,24 +191,31 @@ def outcome(trajectory: Trajectory) -> str:
 def figure_8_reading(study: StudyResult, stability: Sequence[Floquet]) -> str:
     """Folds, stability, and what integration finds beyond the last orbit that the paper shows."""
     branch, beyond = study.branch, study.beyond
-    folds = (f"The branch folds at {listed(percent(f.value, 4) for f in branch.folds)} static eccentricity"
+    folds = (f"The branch folds at {listed(percent(f.value, 4) for f in branch.folds)} static "
+             "eccentricity"
              if branch.folds else "The branch has no fold")
-    there = [f"{f.verdict} (largest multiplier {f'{f.largest:.2f}' if f.largest < 100 else 'above 100'})"
+    there = [f"{f.verdict} (largest multiplier "
+             f"{f'{f.largest:.2f}' if f.largest < 100 else 'above 100'})"
              for _, f in study.beyond_orbits]
     states = f"it has {len(there)} steady state{'s' * (len(there) > 1)}, {listed(there)}" if there else (
-        "it has no steady state" if study.eccentricity(BEYOND) < branch.static_eccentricity.max() or branch.folds else
+        "it has no steady state" if study.eccentricity(BEYOND) < branch.static_eccentricity.max()
+        or branch.folds else
         "nothing is known of it, for it was followed no further")
-    return (f"{folds}; {stability_sentence(branch, stability)}. At {quoted(study, BEYOND)} {states}; started there on "
+    return (f"{folds}; {stability_sentence(branch, stability)}. At {quoted(study, BEYOND)} "
+            f"{states}; started there on "
             f"the {quoted(study, 8.9)} orbit, {outcome(beyond)}.")
 
 
 ELEVATION = math.radians(38)  # of the eye above the plane of an orbit
-BESIDE, ABOVE = 3.6, 2.1  # inches that names, titles, labels and legend take beside and above the four panels
+# inches that names, titles, labels and legend take beside and above the four panels
+BESIDE, ABOVE = 3.6, 2.1
 DRAWN_SHARE = 0.25  # the largest displacement is drawn at most this share of the rotor's length
 
 
 def body_coefficients(machine: Machine, orbit: PeriodicOrbit, name: str) -> NDArray:
-    """[mean, sin 1, cos 1, …] of x and z at the centre of a body, through its rigid link, m, shape (2, 2m + 1)."""
+    """[mean, sin 1, cos 1, …] of x and z at the centre of a body, through its rigid link, m, shape
+    (2, 2m + 1).
+    """
     body = machine.body(name)
     dofs = orbit.model.shaft_map @ orbit.shaft
     per_node = len(dofs) // len(orbit.model.depths)
@@ -200,14 +230,18 @@ def path_of(coefficients: NDArray, phase: NDArray = REVOLUTION) -> NDArray:
 
 
 def rotor_stations(machine: Machine, orbit: PeriodicOrbit) -> tuple[NDArray, NDArray]:
-    """Depths (m) and coefficients (m) of the shaft's nodes and, after them, of the bodies' centres."""
+    """Depths (m) and coefficients (m) of the shaft's nodes and, after them, of the bodies' centres.
+    """
     depths = [*orbit.model.depths, *(orbit.model.depths[b.node] + b.offset for b in machine.bodies)]
     nodes = [orbit.node_coefficients(i) for i in range(len(orbit.model.depths))]
-    return np.array(depths), np.array(nodes + [body_coefficients(machine, orbit, b.name) for b in machine.bodies])
+    return np.array(depths), np.array(nodes + [body_coefficients(machine, orbit, b.name)
+                                               for b in machine.bodies])
 
 
 def exaggeration(paths: NDArray, length: float) -> float:
-    """A round factor (1, 2 or 5 times a power of ten) that draws the largest displacement large but not too large."""
+    """A round factor (1, 2 or 5 times a power of ten) that draws the largest displacement large but
+    not too large.
+    """
     most = DRAWN_SHARE * length / float(np.hypot(*np.moveaxis(paths, -2, 0)).max())
     power = 10.0 ** math.floor(math.log10(most))
     return max(f * power for f in (1, 2, 5) if f * power <= most)
@@ -219,18 +253,24 @@ def on_page(path: NDArray, depth: NDArray | float, factor: float) -> tuple[NDArr
 
 
 def draw_bearings(axes: Axes, machine: Machine, half_width: float) -> None:
-    """Radial bearings as wedges from both sides, thrust bearings as a bar across; half_width in mm of the axes."""
+    """Radial bearings as wedges from both sides, thrust bearings as a bar across; half_width in mm
+    of the axes.
+    """
     nodes = machine.shaft.nodes
     for bearing in machine.bearings:
         for side, marker in ((-1, ">"), (1, "<")):
-            axes.plot(side * half_width, nodes[bearing.node], marker, color=COLOURS["bearing"], markersize=14, zorder=1)
+            axes.plot(side * half_width, nodes[bearing.node], marker, color=COLOURS["bearing"],
+                      markersize=14, zorder=1)
     for bearing in machine.thrust_bearings:
-        axes.plot([-1.4 * half_width, 1.4 * half_width], [nodes[bearing.node]] * 2, color=COLOURS["bearing"],
+        axes.plot([-1.4 * half_width, 1.4 * half_width], [nodes[bearing.node]] * 2,
+                  color=COLOURS["bearing"],
                   linewidth=6, solid_capstyle="butt", zorder=1)
 
 
 def name_parts(axes: Axes, machine: Machine) -> None:
-    """The names of bodies and bearings on the right side of a panel, at their depths; close ones share a line."""
+    """The names of bodies and bearings on the right side of a panel, at their depths; close ones
+    share a line.
+    """
     nodes = machine.shaft.nodes
     parts = [(nodes[b.node], b.name) for b in (*machine.bearings, *machine.thrust_bearings)]
     parts += [(nodes[b.node] + b.offset, b.name) for b in machine.bodies]
@@ -242,47 +282,59 @@ def name_parts(axes: Axes, machine: Machine) -> None:
             lines.append((y, name))
     right = axes.secondary_yaxis("right")
     depths, names = zip(*lines, strict=True)
-    right.set_yticks(depths, [name.replace("$", r"\$") for name in names])  # Matplotlib would read $…$ as a formula
+    # Matplotlib would read $…$ as a formula
+    right.set_yticks(depths, [name.replace("$", r"\$") for name in names])
     right.spines["right"].set_visible(False)
     right.tick_params(length=0)
 
 
 def draw_rotor(axes: Axes, machine: Machine, orbit: PeriodicOrbit, factor: float) -> None:
-    """Draw the bent rotor: its axis without forces, its mean line, and every orbit with the rotor at Ωt = 0.
+    """Draw the bent rotor: its axis without forces, its mean line, and every orbit with the rotor
+    at Ωt = 0.
 
     Lines run along the shaft, and from a node to the centre of each body on a link.
     """
     depths, coefficients = rotor_stations(machine, orbit)
     nodes = len(orbit.model.depths)
-    axes.plot([0, 0], [depths.min(), depths.max()], "-.", color=COLOURS["axis"], linewidth=1.2, label="bearing axis")
+    axes.plot([0, 0], [depths.min(), depths.max()], "-.", color=COLOURS["axis"], linewidth=1.2,
+              label="bearing axis")
     for i, (depth, c) in enumerate(zip(depths, coefficients, strict=True)):
-        axes.plot(*on_page(path_of(c), depth, factor), color=COLOURS["rotor"], linewidth=1.3 if i < nodes else 2.8)
+        axes.plot(*on_page(path_of(c), depth, factor), color=COLOURS["rotor"],
+                  linewidth=1.3 if i < nodes else 2.8)
     now = np.array([path_of(c, np.zeros(1))[:, 0] for c in coefficients]).T
     lines = [range(nodes), *((b.node, nodes + i) for i, b in enumerate(machine.bodies) if b.offset)]
     for i, line in enumerate(lines):
         at = list(line)
         words = ("rotor at Ωt = 0, with its orbits", "mean line") if i == 0 else ("", "")
-        axes.plot(*on_page(now[:, at], depths[at], factor), "o-", color=COLOURS["rotor"], linewidth=1.3, markersize=4,
+        axes.plot(*on_page(now[:, at], depths[at], factor), "o-", color=COLOURS["rotor"],
+                  linewidth=1.3, markersize=4,
                   label=words[0])
-        axes.plot(*on_page(coefficients[at, :, 0].T, depths[at], factor), color=COLOURS["mean"], linewidth=3,
+        axes.plot(*on_page(coefficients[at, :, 0].T, depths[at], factor), color=COLOURS["mean"],
+                  linewidth=3,
                   label=words[1])
 
 
 def draw_z(axes: Axes, x: float, depth: float, factor: float, largest: float) -> None:
-    """An arrow along z, away from the reader, of a round length; x in mm, depth and the largest displacement in m."""
+    """An arrow along z, away from the reader, of a round length; x in mm, depth and the largest
+    displacement in m.
+    """
     length = 10.0 ** math.floor(math.log10(largest))
     tail = np.array([[x / MM], [0.0]])
     start, end = (on_page(tail + [[0.0], [z]], depth, factor) for z in (0.0, length))
     axes.annotate("", xy=(end[0][0], end[1][0]), xytext=(start[0][0], start[1][0]),
-                  arrowprops={"arrowstyle": "-|>", "color": COLOURS["axis"], "shrinkA": 0, "shrinkB": 0,
+                  arrowprops={"arrowstyle": "-|>", "color": COLOURS["axis"], "shrinkA": 0,
+                              "shrinkB": 0,
                               "linewidth": 1.6})
-    axes.annotate(f"z: {MM * length:g} mm", (end[0][0], end[1][0]), xytext=(0, 5), textcoords="offset points",
+    axes.annotate(f"z: {MM * length:g} mm", (end[0][0], end[1][0]), xytext=(0, 5),
+                  textcoords="offset points",
                   ha="center", fontsize=12, color=COLOURS["axis"])
 
 
 @house_style()
 def figure_7(study: StudyResult) -> Picture:
-    """The rotor at 1, 5, 7 and 8.9 %, bent, with the orbits of all nodes; a machine without a shaft: its orbits."""
+    """The rotor at 1, 5, 7 and 8.9 %, bent, with the orbits of all nodes; a machine without a
+    shaft: its orbits.
+    """
     if study.machine.shaft is None:
         return orbits_only(study)
     stations = [rotor_stations(study.machine, study.orbits[p]) for p in ROTOR]
@@ -292,9 +344,11 @@ def figure_7(study: StudyResult) -> Picture:
     factor = exaggeration(paths, length)
     x, y = on_page(np.moveaxis(paths, -2, 0), depths[:, None], factor)
     half_width = 0.03 * MM * length / factor
-    left, right = min(x.min(), -2 * half_width) - half_width, max(x.max(), 2 * half_width) + half_width
+    left, right = min(x.min(), -2 * half_width) - half_width, max(x.max(),
+                                                                  2 * half_width) + half_width
     top, bottom = y.min() - 0.04 * length, y.max() + 0.04 * length
-    slender = (right - left) * factor / MM / ((bottom - top) * math.cos(ELEVATION))  # width over height of a panel
+    # width over height of a panel
+    slender = (right - left) * factor / MM / ((bottom - top) * math.cos(ELEVATION))
     height = min(6.0, (14.0 - BESIDE) / (4 * slender))
     figure = new_figure(4 * slender * height + BESIDE, height + ABOVE)
     panels = figure.subplots(1, 4, sharex=True, sharey=True)
@@ -308,15 +362,18 @@ def figure_7(study: StudyResult) -> Picture:
         draw_rotor(axes, study.machine, study.orbits[p], factor)
         axes.set_xlabel("x, mm")
     panels[0].set_ylabel("depth y, m (down)")
-    draw_z(panels[0], left + 0.22 * (right - left), bottom - 0.2 * length, factor, float(np.abs(paths).max()))
+    draw_z(panels[0], left + 0.22 * (right - left), bottom - 0.2 * length, factor,
+           float(np.abs(paths).max()))
     name_parts(panels[-1], study.machine)
-    figure.suptitle(f"The rotor, seen from the side and above; displacements drawn {factor:.0f} times as large")
+    figure.suptitle(f"The rotor, seen from the side and above; displacements drawn {factor:.0f} "
+                    "times as large")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return Picture(figure, figure_7_reading(study))
 
 
 def orbits_only(study: StudyResult) -> Picture:
-    """Figure 7 of a machine that is one point: its orbits at the same eccentricities, on one scale."""
+    """Figure 7 of a machine that is one point: its orbits at the same eccentricities, on one scale.
+    """
     paths = [study.orbits[p].positions(REVOLUTION) for p in ROTOR]
     everything = np.hstack([*paths, np.zeros((2, 1))])
     wide, high = np.ptp(everything, axis=1)
@@ -339,7 +396,8 @@ LAST = 3  # of these, and of any other such motion, the orbit of the last ones
 
 @house_style()
 def figure_8(study: StudyResult, stability: Sequence[Floquet] | None = None) -> Picture:
-    """The whole branch with its stability, and what direct integration finds just beyond the paper's last orbit.
+    """The whole branch with its stability, and what direct integration finds just beyond the
+    paper's last orbit.
 
     stability: of every point of the branch; by default the study's.
     """
@@ -361,8 +419,10 @@ def _draw_folds(axes: Axes, study: StudyResult, stability: Sequence[Floquet]) ->
     branch = study.branch
     draw_branch(axes, branch, lambda c: first_along(branch, c), stability)
     last = study.natural[len(study.natural) - 1]
-    axes.plot(100 * last.static_eccentricity, UM * last.amplitudes[0, 0], "s", color=COLOURS["harmonic balance"],
-              markeredgecolor="black", markersize=9, label="last orbit of the paper's procedure", zorder=6)
+    axes.plot(100 * last.static_eccentricity, UM * last.amplitudes[0, 0], "s",
+              color=COLOURS["harmonic balance"],
+              markeredgecolor="black", markersize=9, label="last orbit of the paper's procedure",
+              zorder=6)
     axes.axvline(100 * study.eccentricity(BEYOND), color=COLOURS["stator"], linewidth=1.4, zorder=0)
     later = 100 * branch.static_eccentricity[branch.first_leg.stop:]
     left = later.min() - 0.8 * np.ptp(later) if len(later) else 0.0
@@ -374,7 +434,9 @@ def _draw_folds(axes: Axes, study: StudyResult, stability: Sequence[Floquet]) ->
 
 
 def _draw_gap_left(axes: Axes, study: StudyResult) -> None:
-    """The smallest gap in time: to contact, or over the first revolutions of a motion that stays in the gap."""
+    """The smallest gap in time: to contact, or over the first revolutions of a motion that stays in
+    the gap.
+    """
     beyond = study.beyond
     turns = (beyond.times - beyond.times[0]) * study.speed / (2 * math.pi)
     shown = turns <= SHOWN if beyond.finished else np.ones(len(turns), dtype=bool)
@@ -384,29 +446,36 @@ def _draw_gap_left(axes: Axes, study: StudyResult) -> None:
     axes.set_xlim(0, turns[shown][-1])
     axes.set_ylim(0, 1.1 * gap.max())
     cut = turns[-1] > turns[shown][-1]
-    axes.set_xlabel(f"revolutions, the first {SHOWN} of {beyond.revolutions:.0f}" if cut else "revolutions")
+    axes.set_xlabel(f"revolutions, the first {SHOWN} of {beyond.revolutions:.0f}" if cut
+                    else "revolutions")
     axes.set_ylabel("smallest gap, mm")
     axes.set_title(f"Started at {quoted(study, BEYOND)} on the {quoted(study, 8.9)} orbit")
 
 
 def _draw_motion(axes: Axes, study: StudyResult) -> None:
-    """The motion in the plane, with where it started and the steady states that the branch has there."""
+    """The motion in the plane, with where it started and the steady states that the branch has
+    there.
+    """
     beyond = study.beyond
     plane(axes)
     start = study.orbits[8.9].positions(REVOLUTION)
-    draw_orbit(axes, start, COLOURS["harmonic balance"], width=4, sense=False, label=f"orbit at {quoted(study, 8.9)}")
+    draw_orbit(axes, start, COLOURS["harmonic balance"], width=4, sense=False,
+               label=f"orbit at {quoted(study, 8.9)}")
     shown = [start]
     for orbit, floquet in study.beyond_orbits:
         shown.append(orbit.positions(REVOLUTION))
-        draw_orbit(axes, shown[-1], COLOURS[floquet.verdict], line=LINES[floquet.verdict], sense=False,
+        draw_orbit(axes, shown[-1], COLOURS[floquet.verdict], line=LINES[floquet.verdict],
+                   sense=False,
                    width=5 if floquet.verdict == "stable" else 1.8,
                    label=f"{floquet.verdict} steady state")
     if beyond.finished:
-        path, words = beyond.last(min(LAST, beyond.revolutions))[1], f"integration, last {LAST} revolutions"
+        path, words = beyond.last(min(LAST,
+                                      beyond.revolutions))[1], f"integration, last {LAST} revolutions"
         axes.plot(*(MM * path), "--", color=COLOURS["integration"], linewidth=1.4, label=words)
     else:
         path = beyond.positions
-        axes.plot(*(MM * path), color=COLOURS["integration"], linewidth=1.0, label="integration, to contact")
+        axes.plot(*(MM * path), color=COLOURS["integration"], linewidth=1.0,
+                  label="integration, to contact")
         draw_arrow(axes, path, COLOURS["integration"], at=1.0)
     draw_gap(axes, beyond.centre, study.model.gap)
     frame(axes, np.hstack([path, *shown]), 0.08)
@@ -447,17 +516,21 @@ def figure_4(study: StudyResult) -> Picture:
     figure = new_figure(12, 8)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(1.2, 1.2, 1))
     for axes, name, b, p in zip((top, middle), "xz", balance, path, strict=True):
-        axes.plot(times, MM * b, color=COLOURS["harmonic balance"], linewidth=7, label="harmonic balance")
-        axes.plot(times, MM * p, "--", color=COLOURS["integration"], linewidth=1.6, label="direct integration")
+        axes.plot(times, MM * b, color=COLOURS["harmonic balance"], linewidth=7,
+                  label="harmonic balance")
+        axes.plot(times, MM * p, "--", color=COLOURS["integration"], linewidth=1.6,
+                  label="direct integration")
         axes.set_ylabel(f"{name}, mm")
     for name, line, b, p in zip("xz", ("-", "--"), balance, path, strict=True):
-        bottom.plot(times, UM * (b - p), line, color=COLOURS[name], linewidth=1.8, label=f"difference in {name}")
+        bottom.plot(times, UM * (b - p), line, color=COLOURS[name], linewidth=1.8,
+                    label=f"difference in {name}")
     largest = 1.15 * UM * float(np.abs(balance - path).max()) or 1.0
     bottom.set_ylim(-largest, largest)
     bottom.set_ylabel("difference, µm")
     bottom.set_xlabel("time, s")
     bottom.set_xlim(times[0], times[-1])
-    figure.suptitle(f"Rotor centre at {quoted(study, VALIDATION)} static eccentricity, last three revolutions")
+    figure.suptitle(f"Rotor centre at {quoted(study, VALIDATION)} static eccentricity, last three "
+                    "revolutions")
     for axes in (top, bottom):
         axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0.2)
     figure.align_ylabels()
@@ -465,9 +538,11 @@ def figure_4(study: StudyResult) -> Picture:
 
 
 def first_leg(study: StudyResult) -> list[PeriodicOrbit]:
-    """Steady states from zero eccentricity to the first fold (or the end), each solved for, and the last one there.
+    """Steady states from zero eccentricity to the first fold (or the end), each solved for, and the
+    last one there.
 
-    They lie evenly along the branch, so that they crowd where it turns up; each is looked for on the smooth curve.
+    They lie evenly along the branch, so that they crowd where it turns up; each is looked for on
+    the smooth curve.
     """
     branch = study.branch
     smooth, eq = curve(branch), branch.equations
@@ -484,7 +559,9 @@ def first_leg(study: StudyResult) -> list[PeriodicOrbit]:
 
 @house_style()
 def figure_5(study: StudyResult) -> Picture:
-    """Mean and harmonics of x and of z over the static eccentricity, up to the first fold, on two scales."""
+    """Mean and harmonics of x and of z over the static eccentricity, up to the first fold, on two
+    scales.
+    """
     orbits = first_leg(study)
     eccentricity = [100 * orbit.static_eccentricity for orbit in orbits]
     figure = new_figure(12, 9)
@@ -493,13 +570,17 @@ def figure_5(study: StudyResult) -> Picture:
         parts = {"mean": [abs(o.mean[column]) for o in orbits]}
         for k in range(1, min(4, orbits[0].harmonics) + 1):
             parts[f"{k}X"] = [o.amplitudes[column, k - 1] for o in orbits]
-        for axes, first in zip(panels[:, column], (0, 1), strict=True):  # a logarithmic scale has no 0 %
+        # a logarithmic scale has no 0 %
+        for axes, first in zip(panels[:, column], (0, 1), strict=True):
             for part, values in parts.items():
-                axes.plot(eccentricity[first:], UM * np.array(values[first:]), LINES[part], color=COLOURS[part],
+                axes.plot(eccentricity[first:], UM * np.array(values[first:]), LINES[part],
+                          color=COLOURS[part],
                           label=part, linewidth=2.6)
             if study.branch.folds:
-                axes.axvline(100 * study.branch.folds[0].value, color=COLOURS["stator"], linewidth=1.2, zorder=0)
-        panels[0, column].set_title(f"{name}: {'along' if name == 'x' else 'across'} the eccentricity")
+                axes.axvline(100 * study.branch.folds[0].value, color=COLOURS["stator"],
+                             linewidth=1.2, zorder=0)
+        panels[0, column].set_title(f"{name}: {'along' if name == 'x' else 'across'} the "
+                                    "eccentricity")
     for axes in panels[:, 0]:
         axes.set_ylabel("mean and amplitudes, µm (0-to-peak)")
     panels[0, 0].set_ylim(bottom=0)
@@ -507,24 +588,29 @@ def figure_5(study: StudyResult) -> Picture:
     panels[1, 0].yaxis.set_major_formatter("{x:g}")
     panels[1, 0].set_ylim(SMALLEST_SHOWN, 3 * panels[0, 0].get_ylim()[1])
     panels[0, 0].set_xlim(0, 1.02 * eccentricity[-1])
-    figure.supxlabel("static eccentricity, % of the gap" + (" (line: first fold)" if study.branch.folds else ""))
+    figure.supxlabel("static eccentricity, % of the gap"
+                     + (" (line: first fold)" if study.branch.folds else ""))
     panels[0, 0].legend(loc="upper left")
     return Picture(figure, figure_5_reading(study))
 
 
 @house_style()
 def figure_6(study: StudyResult) -> Picture:
-    """Orbits at the generator as the eccentricity grows: as they travel, and each one centred on its mean."""
+    """Orbits at the generator as the eccentricity grows: as they travel, and each one centred on
+    its mean.
+    """
     orbits = [study.orbits[p] for p in EVOLUTION]
     paths = [orbit.positions(REVOLUTION) for orbit in orbits]
     colours = eccentricity_colours(len(orbits))
     figure = new_figure(12, 10)
     grid = figure.add_gridspec(3, 4, height_ratios=(1.5, 1, 1))
     travel, gap = figure.add_subplot(grid[0, :3]), figure.add_subplot(grid[0, 3])
-    for axes, title in ((travel, "As they travel (+: bearing axis)"), (gap, "In the gap (circle: contact)")):
+    for axes, title in ((travel, "As they travel (+: bearing axis)"),
+                        (gap, "In the gap (circle: contact)")):
         plane(axes, title)
         for path, colour, p in zip(paths, colours, EVOLUTION, strict=True):
-            draw_orbit(axes, path, colour, sense=False, width=2.2 if axes is travel else 1.2, label=quoted(study, p))
+            draw_orbit(axes, path, colour, sense=False, width=2.2 if axes is travel else 1.2,
+                       label=quoted(study, p))
     draw_axis(travel)
     frame(travel, np.hstack(paths), 0.04)
     travel.legend(loc="lower right", ncols=4, handlelength=1.2, columnspacing=1.2)

@@ -1,4 +1,6 @@
-"""A figure that carries its reading: the caption, the alt text and what nbval compares are one sentence."""
+"""A figure that carries its reading: the caption, the alt text and what nbval compares are one
+sentence.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +25,9 @@ PALETTE = 128  # colours of a stored picture
 class Picture:
     """A Matplotlib figure and what it says in words, computed from the same result.
 
-    In a notebook it shows as an HTML figure whose alt text and caption are the reading. Its plain text is the
-    reading alone, so a test that compares stored outputs sees when a figure says something else.
+    In a notebook it shows as an HTML figure whose alt text and caption are the reading. Its plain
+    text is the reading alone, so a test that compares stored outputs sees when a figure says
+    something else.
     """
 
     figure: Figure
@@ -39,25 +42,32 @@ class Picture:
     def _few_colours(self) -> Image.Image:
         """The picture with a palette: a notebook with ten of them opens quickly."""
         full = Image.open(io.BytesIO(self._written("png", {"Software": None})))
-        return full.convert("RGB").quantize(PALETTE, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        return full.convert("RGB").quantize(PALETTE, Image.Quantize.MEDIANCUT,
+                                            dither=Image.Dither.NONE)
 
     def png(self) -> bytes:
         """The picture as PNG, the same bytes each time, with the reading as its description."""
         words = PngInfo()
         words.add_itxt("Description", self.reading)
         stream = io.BytesIO()
-        self._few_colours().save(stream, "png", optimize=True, dpi=(DOTS_PER_INCH, DOTS_PER_INCH), pnginfo=words)
+        self._few_colours().save(stream, "png", optimize=True, dpi=(DOTS_PER_INCH, DOTS_PER_INCH),
+                                 pnginfo=words)
         return stream.getvalue()
 
     def webp(self) -> bytes:
-        """The picture as WebP without loss, two thirds of the PNG, for pages that carry their pictures within."""
+        """The picture as WebP without loss, two thirds of the PNG, for pages that carry their
+        pictures within.
+        """
         stream = io.BytesIO()
         self._few_colours().convert("RGB").save(stream, "webp", lossless=True, quality=80, method=4)
         return stream.getvalue()
 
     def svg(self) -> bytes:
-        """The picture as SVG, the same bytes each time; the reading is its title, which screen readers say."""
-        return self._written("svg", {"Date": None, "Creator": None, "Title": self.reading, "Description": self.reading})
+        """The picture as SVG, the same bytes each time; the reading is its title, which screen
+        readers say.
+        """
+        return self._written("svg", {"Date": None, "Creator": None, "Title": self.reading,
+                                     "Description": self.reading})
 
     def save(self, path: str | Path) -> Path:
         """Write a PNG or an SVG, as the name ends, and return where it is.
@@ -76,7 +86,8 @@ class Picture:
         words = html.escape(self.reading, quote=True)
         width = round(self.figure.get_figwidth() * CSS_DOTS_PER_INCH)
         return (f'<figure style="margin: 0"><img alt="{words}" src="data:image/webp;base64,{data}" '
-                f'style="width: {width}px; max-width: 100%"/><figcaption>{words}</figcaption></figure>')
+                f'style="width: {width}px; max-width: '
+                f'100%"/><figcaption>{words}</figcaption></figure>')
 
     def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, str]:
         return {"text/html": self._repr_html_(), "text/plain": self.reading}

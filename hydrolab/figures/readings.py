@@ -53,18 +53,25 @@ def second_share(coefficients: NDArray) -> float:
 
 
 def along(branch: Branch, coefficients: NDArray | None = None) -> NDArray:
-    """[mean, sin 1, cos 1, …] along the branch's direction, m, shape (points, 2m + 1); by default at its points."""
-    return np.einsum("i,pik->pk", branch.direction, branch.coefficients if coefficients is None else coefficients)
+    """[mean, sin 1, cos 1, …] along the branch's direction, m, shape (points, 2m + 1); by default
+    at its points.
+    """
+    return np.einsum("i,pik->pk", branch.direction,
+                     branch.coefficients if coefficients is None else coefficients)
 
 
 def first_along(branch: Branch, coefficients: NDArray | None = None) -> NDArray:
-    """1X along the eccentricity, m 0-to-peak, shape (points,); by default at the points of the branch."""
+    """1X along the eccentricity, m 0-to-peak, shape (points,); by default at the points of the
+    branch.
+    """
     return np.hypot(*along(branch, coefficients)[:, 1:3].T)
 
 
 @singledispatch
 def reading(result: object) -> str:
-    """The sentence of a result: a PeriodicOrbit, a Branch, a Trajectory or Modes; anything else prints as it does."""
+    """The sentence of a result: a PeriodicOrbit, a Branch, a Trajectory or Modes; anything else
+    prints as it does.
+    """
     return str(result)
 
 
@@ -74,8 +81,10 @@ def orbit_reading(orbit: PeriodicOrbit) -> str:
     (x1, z1) = orbit.amplitudes[:, 0]
     gap = "there is no air gap" if not math.isfinite(orbit.model.gap) else (
         f"the smallest gap is {1e3 * orbit.smallest_gap:.3f} mm of {1e3 * orbit.model.gap:.3f} mm")
-    return (f"At {percent(orbit.static_eccentricity)} static eccentricity and {orbit.speed * 30 / math.pi:.4g} rpm the "
-            f"mean position of the rotor is {microns(math.hypot(*orbit.mean))} from the bearing axis; 1X is "
+    return (f"At {percent(orbit.static_eccentricity)} static eccentricity and "
+            f"{orbit.speed * 30 / math.pi:.4g} rpm the "
+            f"mean position of the rotor is {microns(math.hypot(*orbit.mean))} from the bearing "
+            "axis; 1X is "
             f"{microns(x1)} in x and {microns(z1)} in z (0-to-peak), 2X is "
             f"{100 * second_share(orbit.coefficients):.1f} % of 1X; {gap}.")
 
@@ -83,8 +92,8 @@ def orbit_reading(orbit: PeriodicOrbit) -> str:
 def verdicts(branch: Branch, stability: Sequence[Floquet], reach: int = 3) -> list[str]:
     """"stable", "unstable" or "unknown" for each point of a branch.
 
-    At a fold a multiplier is 1, so the verdict on a point next to one may be open; it takes that of the nearest point
-    on its own side of the fold, at most `reach` points away.
+    At a fold a multiplier is 1, so the verdict on a point next to one may be open; it takes that of
+    the nearest point on its own side of the fold, at most `reach` points away.
     """
     said = [s.verdict for s in stability]
     bounds = [0, *(fold.after + 1 for fold in branch.folds), len(said)]
@@ -99,7 +108,8 @@ def verdicts(branch: Branch, stability: Sequence[Floquet], reach: int = 3) -> li
 
 def stable_runs(words: Sequence[str]) -> list[tuple[int, int]]:
     """First and last row of each run of stable points."""
-    runs = [[i for i, _ in run] for word, run in groupby(enumerate(words), key=lambda row: row[1]) if word == "stable"]
+    runs = [[i for i, _ in run] for word, run in groupby(enumerate(words), key=lambda row: row[1])
+            if word == "stable"]
     return [(run[0], run[-1]) for run in runs]
 
 
@@ -110,7 +120,8 @@ def stability_sentence(branch: Branch, stability: Sequence[Floquet]) -> str:
     def end(row: int, fold: float | None) -> str:
         return percent(branch.static_eccentricity[row]) if fold is None else f"the fold at {percent(fold, 4)}"
 
-    said = [f"from {end(a, folds.get(a - 1))} to {end(b, folds.get(b))}" if b > a else f"at {end(a, None)}"
+    said = [f"from {end(a, folds.get(a - 1))} to {end(b, folds.get(b))}" if b > a
+            else f"at {end(a, None)}"
             for a, b in stable_runs(verdicts(branch, stability))]
     if not said:
         return "no point of it is stable"
@@ -121,9 +132,12 @@ def stability_sentence(branch: Branch, stability: Sequence[Floquet]) -> str:
 def branch_reading(branch: Branch, stability: Sequence[Floquet] | None = None) -> str:
     """Where the branch goes and folds, how 1X grows, and where it is stable if that is known."""
     first = first_along(branch)
-    folds = (f"folds at {listed(percent(fold.value, 4) for fold in branch.folds)}" if branch.folds else "has no fold")
-    words = (f"The branch starts at {percent(branch.static_eccentricity[0])} static eccentricity, {folds} and ends at "
-             f"{percent(branch.static_eccentricity[-1])}; 1X along the eccentricity (0-to-peak) starts at "
+    folds = (f"folds at {listed(percent(fold.value, 4) for fold in branch.folds)}" if branch.folds
+             else "has no fold")
+    words = (f"The branch starts at {percent(branch.static_eccentricity[0])} static eccentricity, "
+             f"{folds} and ends at "
+             f"{percent(branch.static_eccentricity[-1])}; 1X along the eccentricity (0-to-peak) "
+             "starts at "
              f"{microns(first[0])} and is at most {microns(first.max())}")
     return f"{words}; {stability_sentence(branch, stability)}." if stability else f"{words}."
 
@@ -134,9 +148,12 @@ def trajectory_reading(trajectory: Trajectory) -> str:
     path = trajectory.last(min(1.0, trajectory.revolutions))[1]
     middle = (path.max(axis=1) + path.min(axis=1)) / 2
     size = microns(float(np.hypot(*(path - middle[:, None])).max()))
-    return (f"Over {trajectory.revolutions:.4g} revolutions at {trajectory.speed * 30 / math.pi:.4g} rpm and "
-            f"{percent(trajectory.static_eccentricity)} static eccentricity the rotor centre ends within {size} of a "
-            f"point {microns(math.hypot(*middle))} from the bearing axis (last revolution). {trajectory.stopped}")
+    return (f"Over {trajectory.revolutions:.4g} revolutions at "
+            f"{trajectory.speed * 30 / math.pi:.4g} rpm and "
+            f"{percent(trajectory.static_eccentricity)} static eccentricity the rotor centre ends "
+            f"within {size} of a "
+            f"point {microns(math.hypot(*middle))} from the bearing axis (last revolution). "
+            f"{trajectory.stopped}")
 
 
 @reading.register

@@ -1,7 +1,9 @@
-"""The house style: one look, and one colour for one thing, in every figure of the library and the course.
+"""The house style: one look, and one colour for one thing, in every figure of the library and the
+course.
 
-The colours are those of Okabe and Ito (2008), which readers with any colour vision tell apart; what must not be
-confused also differs in line style. Nothing here touches pyplot or the reader's own settings.
+The colours are those of Okabe and Ito (2008), which readers with any colour vision tell apart; what
+must not be confused also differs in line style. Nothing here touches pyplot or the reader's own
+settings.
 """
 
 from __future__ import annotations
@@ -27,16 +29,19 @@ COLOURS: Mapping[str, str] = MappingProxyType({
     "harmonic balance": SKY, "integration": BLACK,
 })
 LINES: Mapping[str, str] = MappingProxyType({
-    "mean": "-", "1X": "-", "2X": "--", "3X": "-.", "4X": ":", "stable": "-", "unstable": "--", "unknown": ":"})
+    "mean": "-", "1X": "-", "2X": "--", "3X": "-.", "4X": ":", "stable": "-", "unstable": "--",
+    "unknown": ":"})
 
 DOTS_PER_INCH = 144  # of a stored picture; shown at CSS_DOTS_PER_INCH, so sharp on a dense screen
 CSS_DOTS_PER_INCH = 96
 
 STYLE: Mapping[str, object] = MappingProxyType({
-    "figure.facecolor": "white", "figure.dpi": CSS_DOTS_PER_INCH, "figure.constrained_layout.use": True,
+    "figure.facecolor": "white", "figure.dpi": CSS_DOTS_PER_INCH,
+    "figure.constrained_layout.use": True,
     "figure.titlesize": 16, "figure.labelsize": 14,
     "font.family": ["DejaVu Sans"], "font.size": 13, "mathtext.fontset": "dejavusans",
-    "axes.titlesize": 14, "axes.labelsize": 14, "axes.grid": True, "axes.axisbelow": True, "axes.linewidth": 1.0,
+    "axes.titlesize": 14, "axes.labelsize": 14, "axes.grid": True, "axes.axisbelow": True,
+    "axes.linewidth": 1.0,
     "axes.spines.top": False, "axes.spines.right": False,
     "grid.color": "#DDDDDD", "grid.linewidth": 0.8,
     "xtick.labelsize": 12, "ytick.labelsize": 12, "legend.fontsize": 12, "legend.framealpha": 0.9,
@@ -48,13 +53,17 @@ STYLE: Mapping[str, object] = MappingProxyType({
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw in the house style inside a `with`, or in a whole function as a decorator; settings come back after it."""
+    """Draw in the house style inside a `with`, or in a whole function as a decorator; settings come
+    back after it.
+    """
     with style.context(["default", dict(STYLE)]):
         yield
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, inches, with its own Agg canvas: it works headless and pyplot never hears of it."""
+    """An empty figure, inches, with its own Agg canvas: it works headless and pyplot never hears of
+    it.
+    """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -66,7 +75,9 @@ def eccentricity_colours(count: int) -> list[tuple[float, ...]]:
 
 
 def plane(axes: Axes, title: str = "") -> None:
-    """Make axes a view of the transverse plane from above: x to the right, z up, equal aspect, so spin is clockwise."""
+    """Make axes a view of the transverse plane from above: x to the right, z up, equal aspect, so
+    spin is clockwise.
+    """
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x, mm")
     axes.set_ylabel("z, mm")

@@ -1,4 +1,6 @@
-"""`hydrolab show`: the machine in 3D on this computer, or before a room, or as a file that plays without a server."""
+"""`hydrolab show`: the machine in 3D on this computer, or before a room, or as a file that plays
+without a server.
+"""
 
 from __future__ import annotations
 
@@ -27,19 +29,25 @@ from hydrolab.machine.parts import Machine
 WILDCARDS = ("0.0.0.0", "::", "")
 
 
-def show_command(card: str | None, *, room: bool, host: str | None, port: int | None, viewers: int, sheet: Path | None,
-                 record: Path | None, browser: bool, eccentricity: float | None = None, orbit: int | None = None) -> int:
+def show_command(card: str | None, *, room: bool, host: str | None, port: int | None, viewers: int,
+                 sheet: Path | None,
+                 record: Path | None, browser: bool, eccentricity: float | None = None,
+                 orbit: int | None = None) -> int:
     """Show a machine until Ctrl-C, or record it. Returns the exit code.
 
-    eccentricity: of the stator to begin with, % of the gap. orbit: the steady state to begin with, 1 is the first.
-    Raises BadInput for what does not go together, and where the server cannot listen.
+    eccentricity: of the stator to begin with, % of the gap. orbit: the steady state to begin with,
+    1 is the first. Raises BadInput for what does not go together, and where the server cannot
+    listen.
     """
     run_sheet = load_run_sheet(sheet) if sheet else None
     if run_sheet and card is not None:
-        raise BadInput(f"The run sheet is about {run_sheet.card}; give either --run-sheet or a card.")
+        raise BadInput(f"The run sheet is about {run_sheet.card}; give either --run-sheet or a "
+                       "card.")
     if run_sheet and (eccentricity is not None or orbit is not None):
-        raise BadInput("A run sheet sets eccentricity and orbit itself; leave out --eccentricity and --orbit.")
-    begin = {"static_eccentricity": (eccentricity or 0.0) / 100, "leg": (1 if orbit is None else orbit) - 1}
+        raise BadInput("A run sheet sets eccentricity and orbit itself; leave out --eccentricity "
+                       "and --orbit.")
+    begin = {"static_eccentricity": (eccentricity or 0.0) / 100,
+             "leg": (1 if orbit is None else orbit) - 1}
     machine = load_machine(run_sheet.card if run_sheet else card or "kaplan-150rpm")
     if record:
         return _record(machine, run_sheet, record, begin)
@@ -57,7 +65,8 @@ def show_command(card: str | None, *, room: bool, host: str | None, port: int | 
         page = page_address(server, room_address() if address in WILDCARDS else None)
         if pin:
             print(f"{qr_code(page)}\nEveryone in this network can watch at {page}\n"
-                  f"Presenter: open it too, unfold \"for the presenter\", and give the PIN {pin.digits}")
+                  "Presenter: open it too, unfold \"for the presenter\", and give the PIN "
+                  f"{pin.digits}")
         else:
             print(f"The machine in 3D is at {page}")
         print("Stop with Ctrl-C.", flush=True)
@@ -65,7 +74,8 @@ def show_command(card: str | None, *, room: bool, host: str | None, port: int | 
             webbrowser.open(page)
         threading.Event().wait()
     except KeyboardInterrupt:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # closing takes a moment; a second Ctrl-C changes nothing
+        # closing takes a moment; a second Ctrl-C changes nothing
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
         close_server()
         print("\nThe 3D view is closed.")
     finally:
@@ -73,7 +83,8 @@ def show_command(card: str | None, *, room: bool, host: str | None, port: int | 
     return 0
 
 
-def _record(machine: Machine, run_sheet: RunSheet | None, path: Path, begin: Mapping[str, Any]) -> int:
+def _record(machine: Machine, run_sheet: RunSheet | None, path: Path,
+            begin: Mapping[str, Any]) -> int:
     """Write the machine, or each step of a run sheet, as a file."""
     with Progress(transient=True) as progress:
         task = progress.add_task(escape(f"recording {path.name}"))
@@ -85,7 +96,8 @@ def _record(machine: Machine, run_sheet: RunSheet | None, path: Path, begin: Map
             record_sheet(run_sheet, path, progress=done)
         else:
             record_machine(machine, path, **begin, progress=done)
-    print(f"{path} plays in a browser without a server, and without a network ({path.stat().st_size / 1e6:.1f} MB).")
+    print(f"{path} plays in a browser without a server, and without a network "
+          f"({path.stat().st_size / 1e6:.1f} MB).")
     return 0
 
 
@@ -94,12 +106,14 @@ def find_run_sheet(name: str, folder: Path) -> Path:
 
     Raises BadInput where there is neither.
     """
-    shipped = sorted((path.stem for path in folder.glob("*.toml")), key=lambda stem: (len(stem), stem))
+    shipped = sorted((path.stem for path in folder.glob("*.toml")),
+                     key=lambda stem: (len(stem), stem))
     if name in shipped:
         return folder / f"{name}.toml"
     if name.endswith(".toml") and Path(name).is_file():
         return Path(name)
-    raise BadInput(f"--run-sheet is {name!r}; there are {', '.join(shipped) or 'none'}, or give a TOML file of your own.")
+    raise BadInput(f"--run-sheet is {name!r}; there are {', '.join(shipped) or 'none'}, or give a "
+                   "TOML file of your own.")
 
 
 def qr_code(text: str) -> str:

@@ -1,11 +1,13 @@
 """The presenter's PIN: six digits, a few guesses for each address, then a wait that doubles.
 
-What a viewer may say to the 3D server: where its camera is, and its own controls within their ranges.
+What a viewer may say to the 3D server: where its camera is, and its own controls within their
+ranges.
 
-viser believes its clients. Here everything they send passes one function: another kind of message, an unknown control,
-a value of another type or outside the control's range, NaN, all are dropped; what is too large or too much closes that
-one connection. Nothing a client sends reaches the server's shared state, so the request for a public tunnel, which any
-client may make of viser, has no hearer.
+viser believes its clients. Here everything they send passes one function: another kind of message,
+an unknown control, a value of another type or outside the control's range, NaN, all are dropped;
+what is too large or too much closes that one connection. Nothing a client sends reaches the
+server's shared state, so the request for a public tunnel, which any client may make of viser, has
+no hearer.
 """
 
 from __future__ import annotations
@@ -71,7 +73,8 @@ class Pin:
     def check(self, guess: object, address: str) -> str:
         """"" where the guess is right, else a sentence for the one who guessed, from this address.
 
-        While an address has to wait, a right guess does not count either. Comparing takes as long for every guess.
+        While an address has to wait, a right guess does not count either. Comparing takes as long
+        for every guess.
         """
         with self._lock:
             wrong, until = self._wrong.get(address, (0, 0.0))
@@ -96,7 +99,8 @@ class Pin:
 LARGEST_MESSAGE = 16 * 1024  # bytes; a camera message has about 400
 MOST_A_SECOND = 500  # messages of one client; a browser that turns its camera sends about 60
 LONGEST_TEXT = 64  # characters in a text field
-OWN = 5  # places kept for pages on the server's own computer, so that nobody can keep the presenter out
+# places kept for pages on the server's own computer, so that nobody can keep the presenter out
+OWN = 5
 
 
 def in_range(handle: Any, value: Any) -> bool:
@@ -119,25 +123,30 @@ def in_range(handle: Any, value: Any) -> bool:
 
 
 def is_camera(message: ViewerCameraMessage) -> bool:
-    """Whether a camera message holds finite numbers in the right places, and a direction to look in."""
+    """Whether a camera message holds finite numbers in the right places, and a direction to look
+    in.
+    """
     shapes = {"wxyz": 4, "position": 3, "look_at": 3, "up_direction": 3}
     try:
         vectors = {name: np.asarray(getattr(message, name), float) for name in shapes}
-        scalars = np.asarray([message.fov, message.near, message.far, message.image_height, message.image_width], float)
+        scalars = np.asarray([message.fov, message.near, message.far, message.image_height,
+                              message.image_width], float)
     except (TypeError, ValueError, OverflowError):
         return False
     return (all(vectors[name].shape == (size,) for name, size in shapes.items())
-            and all(np.isfinite(vector).all() and (np.abs(vector) < 1e6).all() for vector in vectors.values())
+            and all(np.isfinite(vector).all() and (np.abs(vector) < 1e6).all()
+                    for vector in vectors.values())
             and bool(np.isfinite(scalars).all()) and bool(vectors["up_direction"].any())
             and not np.array_equal(vectors["look_at"], vectors["position"]))
 
 
 def is_own_page(host: str | None, origin: str | None, own: str) -> bool:
-    """Whether a browser's request comes from this server's own page. own: the name or address it listens on.
+    """Whether a browser's request comes from this server's own page. own: the name or address it
+    listens on.
 
-    Any page in a browser may open a connection to 127.0.0.1; its Origin gives it away. A name other than localhost or the
-    server's own in Host is one that someone else's name server may have pointed here. Programs that are no browser send
-    no Origin.
+    Any page in a browser may open a connection to 127.0.0.1; its Origin gives it away. A name other
+    than localhost or the server's own in Host is one that someone else's name server may have
+    pointed here. Programs that are no browser send no Origin.
     """
     if origin is None:
         return True
@@ -151,27 +160,33 @@ def is_own_page(host: str | None, origin: str | None, own: str) -> bool:
 
 
 class Gate:
-    """The guard of one server. `viewers` may watch at once; who comes later is told so and let in when one leaves."""
+    """The guard of one server. `viewers` may watch at once; who comes later is told so and let in
+    when one leaves.
+    """
 
     def __init__(self, server: ViserServer, viewers: int) -> None:
         self.viewers = viewers
         self.inside: set[int] = set()
         self.behind_proxy = "JUPYTERHUB_SERVICE_PREFIX" in os.environ  # the hub has asked who it is
         self._web = server._websock_server
-        self._web._incoming_handlers.clear()  # shared controls, uploads, the public tunnel: nobody hears them
+        # shared controls, uploads, the public tunnel: nobody hears them
+        self._web._incoming_handlers.clear()
         self._web.on_client_connect(self._admit)
         self._web.on_client_disconnect(self._leave)
-        self._web.disconnect_all_clients()  # who came before this line comes again, through the gate
+        # who came before this line comes again, through the gate
+        self._web.disconnect_all_clients()
         logging.getLogger("websockets.server").addFilter(is_no_clients_mistake)
 
     async def _admit(self, client: WebsockClientConnection) -> None:
         """Let a connection in, or keep it waiting; runs before anything it sends is heard."""
         connection = self._web._live_connections[client.client_id]
         connection.protocol.max_message_size = LARGEST_MESSAGE
-        client._handle_incoming_message = self._hearer(client, connection, client._handle_incoming_message)
+        client._handle_incoming_message = self._hearer(client, connection,
+                                                       client._handle_incoming_message)
         headers = connection.request.headers
         places = self.viewers + OWN * (connection.remote_address[0] == connection.local_address[0])
-        if not self.behind_proxy and not is_own_page(headers.get("Host"), headers.get("Origin"), self._web._host):
+        if not self.behind_proxy and not is_own_page(headers.get("Host"), headers.get("Origin"),
+                                                     self._web._host):
             await connection.close(1008, "This page may not connect here.")
         elif len(self._web._live_connections) > self.viewers + places:
             await connection.close(1013, "Too many are waiting.")
@@ -183,14 +198,20 @@ class Gate:
     async def _leave(self, client: WebsockClientConnection) -> None:
         self.inside.discard(client.client_id)
 
-    async def _wait(self, client: WebsockClientConnection, connection: ServerConnection, places: int) -> None:
-        """Say that all places are taken, and close when one is free: the browser then comes again by itself."""
-        client.queue_message(ThemeConfigurationMessage(None, "floating", "medium", False, False, False, None))
+    async def _wait(self, client: WebsockClientConnection, connection: ServerConnection,
+                    places: int) -> None:
+        """Say that all places are taken, and close when one is free: the browser then comes again
+        by itself.
+        """
+        client.queue_message(ThemeConfigurationMessage(None, "floating", "medium", False, False,
+                                                       False, None))
         client.queue_message(NotificationShowMessage("full", NotificationProps(
             title=f"All {self.viewers} places are taken",
-            body="This page opens by itself when someone leaves.", loading=True, with_close_button=False,
+            body="This page opens by itself when someone leaves.", loading=True,
+            with_close_button=False,
             auto_close_seconds=None, color="orange")))
-        sender = asyncio.create_task(_message_producer(connection, client.get_message_buffer(), client.client_id))
+        sender = asyncio.create_task(_message_producer(connection, client.get_message_buffer(),
+                                                       client.client_id))
         listener = asyncio.create_task(heard_by_nobody(connection))
         try:
             while len(self.inside) >= places and not listener.done():
@@ -202,7 +223,8 @@ class Gate:
             await asyncio.gather(sender, listener, return_exceptions=True)
 
     def _hearer(self, client: WebsockClientConnection, connection: ServerConnection,
-                passed: Callable[[int, Message], Awaitable[None]]) -> Callable[[int, Message], Awaitable[None]]:
+                passed: Callable[[int, Message], Awaitable[None]]) -> Callable[[int, Message],
+                                                                               Awaitable[None]]:
         """The function that hears one connection, in front of viser's own."""
         second, heard = 0.0, 0
 
@@ -220,16 +242,21 @@ class Gate:
 
 
 async def heard_by_nobody(connection: ServerConnection) -> None:
-    """Read what a connection sends until it is closed, so that its end is noticed and its buffers stay empty."""
+    """Read what a connection sends until it is closed, so that its end is noticed and its buffers
+    stay empty.
+    """
     with contextlib.suppress(ConnectionClosed):
         while True:
             await connection.recv()
 
 
 def is_allowed(client: WebsockClientConnection, message: GuiUpdateMessage) -> bool:
-    """Whether a message sets a control of this very client within its range; if not, the client hears what it is."""
+    """Whether a message sets a control of this very client within its range; if not, the client
+    hears what it is.
+    """
     gui = client._incoming_handlers[GuiUpdateMessage][0].__self__
-    if not isinstance(message.uuid, str) or (handle := gui._gui_input_handle_from_uuid.get(message.uuid)) is None:
+    if not isinstance(message.uuid,
+                      str) or (handle := gui._gui_input_handle_from_uuid.get(message.uuid)) is None:
         return False
     if not isinstance(message.updates, dict) or set(message.updates) != {"value"}:
         return False
@@ -247,5 +274,7 @@ def address_of(client: ClientHandle) -> str:
 
 
 def is_no_clients_mistake(record: logging.LogRecord) -> bool:
-    """A log filter: a client that sends rubbish loses its connection, and the terminal keeps quiet about it."""
+    """A log filter: a client that sends rubbish loses its connection, and the terminal keeps quiet
+    about it.
+    """
     return record.getMessage() not in ("connection handler failed", "opening handshake failed")

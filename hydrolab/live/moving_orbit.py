@@ -1,4 +1,6 @@
-"""The orbit that the 3D machine shows: solved along the branch as settings change, with words for what happens."""
+"""The orbit that the 3D machine shows: solved along the branch as settings change, with words for
+what happens.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,9 @@ FIELDS, UNBALANCES = (0.5, 1.2), (0.1, 2.0)
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """An orbit with the leg it is on (0 is the first), its verdict, and what is to be said. jumped: from another orbit."""
+    """An orbit with the leg it is on (0 is the first), its verdict, and what is to be said. jumped:
+    from another orbit.
+    """
 
     orbit: PeriodicOrbit
     leg: int
@@ -33,7 +37,8 @@ class Shown:
 class LiveOrbit:
     """The steady states of a machine at its rated speed, ready to be asked for one.
 
-    legs: the branch over the static eccentricity with its stability, None for a machine without an air gap.
+    legs: the branch over the static eccentricity with its stability, None for a machine without an
+    air gap.
     """
 
     def __init__(self, machine: Machine, branch: Branch | None = None) -> None:
@@ -54,24 +59,32 @@ class LiveOrbit:
         """The largest static eccentricity at which there is a steady state, fraction of the gap."""
         return max(leg.high for leg in self.legs.all) if self.legs else 0.0
 
-    def at(self, eccentricity: float, leg: int, field: float, unbalance: float, before: Shown | None = None) -> Shown:
-        """The steady state asked for, or the one the machine would go to, or the one before with the reason in words."""
+    def at(self, eccentricity: float, leg: int, field: float, unbalance: float,
+           before: Shown | None = None) -> Shown:
+        """The steady state asked for, or the one the machine would go to, or the one before with
+        the reason in words.
+        """
         with threadpool_limits(1):
             if self.legs is None:
                 orbit = self.balance.solve(self.model.with_unbalance(unbalance), self.machine.speed)
                 turned = any(body.unbalance for body in self.machine.bodies)
-                return Shown(orbit, 0, "stable", "The card has no air gap, so no pull: a linear rotor with its unbalance."
-                             if turned else "The card has neither air gap nor unbalance: the shaft turns straight.")
+                return Shown(orbit, 0, "stable", "The card has no air gap, so no pull: a linear "
+                                                 "rotor with its unbalance."
+                             if turned else "The card has neither air gap nor unbalance: the shaft "
+                                            "turns straight.")
             try:
                 self._strengthen(field, unbalance)
             except (NoConvergence, Contact, BadInput):
-                return self._kept(before, f"With {percent(field)} of the field and {percent(unbalance)} of the unbalance no "
+                return self._kept(before, f"With {percent(field)} of the field and "
+                                          f"{percent(unbalance)} of the unbalance no "
                                           "steady state begins at the centre.")
             orbit = self.legs.orbit(eccentricity, leg)
             if orbit is not None:
                 verdict = self.legs.verdict(orbit, leg)
                 name = f"Leg {leg + 1} of {len(self.legs.all)}, {verdict}."
-                return Shown(orbit, leg, verdict, name + ("" if verdict == "stable" else " A machine does not stay on it."))
+                return Shown(orbit, leg, verdict,
+                             name + ("" if verdict == "stable" else " A machine does not stay on "
+                                     "it."))
             return self._elsewhere(eccentricity, leg, before)
 
     def _strengthen(self, field: float, unbalance: float) -> None:
@@ -81,7 +94,8 @@ class LiveOrbit:
         if (field, unbalance) == (1.0, 1.0):
             self.legs = self.own
         else:
-            branch = update_branch(self.legs.branch, self.model.with_field(field).with_unbalance(unbalance))
+            branch = update_branch(self.legs.branch,
+                                   self.model.with_field(field).with_unbalance(unbalance))
             self.legs = Legs(branch, branch_stability(branch, guard=False, locate=False).points)
         self.strength = (field, unbalance)
 
@@ -91,9 +105,11 @@ class LiveOrbit:
         for other in range(len(self.legs.all)):
             orbit = self.legs.orbit(eccentricity, other)
             if orbit is not None and self.legs.verdict(orbit, other) == "stable":
-                return Shown(orbit, other, "stable", f"{gone}: the machine jumps to leg {other + 1}, which is stable there.",
+                return Shown(orbit, other, "stable", f"{gone}: the machine jumps to leg "
+                                                     f"{other + 1}, which is stable there.",
                              jumped=True)
-        return self._kept(before, f"{gone}, and no other leg has a stable one; the last orbit found is shown.")
+        return self._kept(before, f"{gone}, and no other leg has a stable one; the last orbit "
+                                  "found is shown.")
 
     def _kept(self, before: Shown | None, words: str) -> Shown:
         if before is not None:

@@ -23,14 +23,18 @@ from hydrolab.machine.parts import Machine
 
 
 def frame_address(server: ViserServer) -> str:
-    """Where a notebook's page finds the 3D server: on this computer, or behind a hub through jupyter-server-proxy."""
+    """Where a notebook's page finds the 3D server: on this computer, or behind a hub through
+    jupyter-server-proxy.
+    """
     prefix = os.environ.get("JUPYTERHUB_SERVICE_PREFIX")
     return f"{prefix.rstrip('/')}/proxy/{server.get_port()}/" if prefix else page_address(server)
 
 
 @dataclass(frozen=True, repr=False)
 class MachineView:
-    """A 3D view in a cell. Its plain text is its reading, which a stored notebook keeps; the frame lives with the kernel."""
+    """A 3D view in a cell. Its plain text is its reading, which a stored notebook keeps; the frame
+    lives with the kernel.
+    """
 
     reading: str
     address: str
@@ -51,16 +55,20 @@ class MachineView:
 def _hint() -> str:
     """On a hub without the proxy the frame stays empty; say what is missing."""
     if "JUPYTERHUB_SERVICE_PREFIX" in os.environ and importlib.util.find_spec("jupyter_server_proxy") is None:
-        return ("<div>On a hub the 3D view needs jupyter-server-proxy: pip install 'hydrolab[hub]', "
+        return ("<div>On a hub the 3D view needs jupyter-server-proxy: pip install "
+                "'hydrolab[hub]', "
                 "then restart the server.</div>")
     return ""
 
 
-def show(what: Machine | PeriodicOrbit | Branch, machine: Machine | None = None, *, height: int = 560) -> MachineView:
-    """Show a machine, an orbit or a branch in 3D in the cell, with controls. An earlier view of this notebook shows it too.
+def show(what: Machine | PeriodicOrbit | Branch, machine: Machine | None = None, *,
+         height: int = 560) -> MachineView:
+    """Show a machine, an orbit or a branch in 3D in the cell, with controls. An earlier view of
+    this notebook shows it too.
 
-    machine: what the orbit or the branch is of; by default the shipped card of that name. height: pixels.
-    Raises BadInput where the machine is not known, or the branch is along another parameter.
+    machine: what the orbit or the branch is of; by default the shipped card of that name. height:
+    pixels. Raises BadInput where the machine is not known, or the branch is along another
+    parameter.
     """
     if isinstance(height, bool) or not isinstance(height, int) or not 100 <= height <= 4000:
         raise BadInput(f"height is {height!r}; give whole pixels from 100 to 4000.")
@@ -70,15 +78,18 @@ def show(what: Machine | PeriodicOrbit | Branch, machine: Machine | None = None,
     elif isinstance(what, Branch):
         machine, branch = _machine_of(what.equations, machine), what
         if what.parameter != "static_eccentricity" or what.values[0] != 0 or abs(what.direction[1]) > 1e-9:
-            raise BadInput("This branch does not begin at static_eccentricity 0, along x; show one that does, or one of its "
+            raise BadInput("This branch does not begin at static_eccentricity 0, along x; show one "
+                           "that does, or one of its "
                            "orbits.")
     elif isinstance(what, PeriodicOrbit):
         machine = _machine_of(what.equations, machine)
         if abs(what.centre[1]) > 1e-12:
-            raise BadInput("The stator of this orbit is not off centre along x; the 3D view shows offsets along x.")
+            raise BadInput("The stator of this orbit is not off centre along x; the 3D view shows "
+                           "offsets along x.")
         first = {"static_eccentricity": what.static_eccentricity}
     else:
-        raise BadInput(f"A {type(what).__name__} cannot be shown in 3D; give a machine, an orbit or a branch.")
+        raise BadInput(f"A {type(what).__name__} cannot be shown in 3D; give a machine, an orbit "
+                       "or a branch.")
     server = open_server(label=machine.name)
     scene = MachineScene(server, machine, branch, **first)
     stop_with_server(scene.stop)
@@ -86,7 +97,8 @@ def show(what: Machine | PeriodicOrbit | Branch, machine: Machine | None = None,
         scene.change(leg=_leg_of(what, scene))
     Controls(server, scene)
     scene.run()
-    return MachineView(scene.reading if isinstance(what, Machine) else reading(what), frame_address(server), height)
+    return MachineView(scene.reading if isinstance(what, Machine) else reading(what),
+                       frame_address(server), height)
 
 
 def _machine_of(equations: Condensed, machine: Machine | None) -> Machine:
@@ -103,17 +115,22 @@ def _machine_of(equations: Condensed, machine: Machine | None) -> Machine:
     same = all(np.array_equal(getattr(own, name), getattr(model, name))
                for name in ("M", "C", "G", "K", "unbalance_sin", "unbalance_cos"))
     if not same or own.gap != model.gap or repr(own.law) != repr(model.law):
-        raise BadInput(f"This result is not of {machine.name} as it stands in its card; give the machine that it is of: "
+        raise BadInput(f"This result is not of {machine.name} as it stands in its card; give the "
+                       "machine that it is of: "
                        "show(result, machine).")
     return vary(machine, {"speed": equations.speed})
 
 
 def _leg_of(orbit: PeriodicOrbit, scene: MachineScene) -> int:
-    """The leg of the branch that an orbit is on: where the steady state at its eccentricity is nearest."""
+    """The leg of the branch that an orbit is on: where the steady state at its eccentricity is
+    nearest.
+    """
     legs = scene.live.legs
     if legs is None:
         return 0
-    found = {i: there for i in range(len(legs.all)) if (there := legs.orbit(orbit.static_eccentricity, i)) is not None}
+    found = {i: there for i in range(len(legs.all))
+             if (there := legs.orbit(orbit.static_eccentricity, i)) is not None}
     columns = min(orbit.coefficients.shape[1], 2 * scene.live.balance.harmonics + 1)
-    away = {i: np.abs(there.coefficients[:, :columns] - orbit.coefficients[:, :columns]).max() for i, there in found.items()}
+    away = {i: np.abs(there.coefficients[:, :columns] - orbit.coefficients[:, :columns]).max()
+            for i, there in found.items()}
     return min(away, key=away.get, default=0)

@@ -1,10 +1,13 @@
-"""The words of the 3D panel, as HTML: the big number with its reading, and the steps of a run sheet.
+"""The words of the 3D panel, as HTML: the big number with its reading, and the steps of a run
+sheet.
 
-The panel beside the 3D machine: one number and its reading for everyone, controls for those who may use them.
+The panel beside the 3D machine: one number and its reading for everyone, controls for those who may
+use them.
 
-Controls belong to one client (`client.gui`); what they set belongs to the scene, so the panels of several presenters
-follow each other. Callbacks are coroutines: viser runs them one after the other in its event loop, and the last move of
-a slider is the last that counts. They only set the scene's settings; the scene's own loop does the work.
+Controls belong to one client (`client.gui`); what they set belongs to the scene, so the panels of
+several presenters follow each other. Callbacks are coroutines: viser runs them one after the other
+in its event loop, and the last move of a slider is the last that counts. They only set the scene's
+settings; the scene's own loop does the work.
 """
 
 from __future__ import annotations
@@ -25,12 +28,18 @@ from hydrolab.live.surroundings import ASPECT, fitted
 
 
 def big_number(smallest_gap: float, reading: str) -> str:
-    """The smallest gap (m, inf where there is none), large, and the reading, which a screen reader says when it changes."""
+    """The smallest gap (m, inf where there is none), large, and the reading, which a screen reader
+    says when it changes.
+    """
     number = "" if not math.isfinite(smallest_gap) else (
-        f'<div style="font-size: 2.7em; font-weight: 600; line-height: 1.1">{1e3 * smallest_gap:.2f}'
-        '<span style="font-size: 0.5em"> mm</span></div><div style="opacity: 0.75">smallest gap</div>')
-    return (f'<div style="padding: 0.6em 0.9em 0.3em">{number}<div role="status" aria-live="polite" '
-            f'style="font-size: 0.85em; line-height: 1.45; margin-top: 0.5em">{escape(reading)}</div></div>')
+        '<div style="font-size: 2.7em; font-weight: 600; line-height: '
+        f'1.1">{1e3 * smallest_gap:.2f}'
+        '<span style="font-size: 0.5em"> mm</span></div><div style="opacity: 0.75">smallest '
+        'gap</div>')
+    return (f'<div style="padding: 0.6em 0.9em 0.3em">{number}<div role="status" '
+            'aria-live="polite" '
+            'style="font-size: 0.85em; line-height: 1.45; margin-top: '
+            f'0.5em">{escape(reading)}</div></div>')
 
 
 def room_words(step: Step) -> str:
@@ -40,7 +49,9 @@ def room_words(step: Step) -> str:
 
 
 def presenter_words(sheet: RunSheet, place: int) -> str:
-    """What the presenter reads of a step beside its question: where it is in the sheet, what to do, what is to be seen."""
+    """What the presenter reads of a step beside its question: where it is in the sheet, what to do,
+    what is to be seen.
+    """
     step = sheet.steps[place]
     before = sum(earlier.minutes for earlier in sheet.steps[:place])
     rows = "".join(f'<div style="margin-top: 0.5em"><b>{name}</b> {escape(text)}</div>'
@@ -59,9 +70,9 @@ Point = tuple[float, float, float]
 class Scene(Protocol):
     """What the panel needs of a scene.
 
-    settings: frozen, with the attributes that the controls set. limits: of each number among them. views: camera position
-    and the point it looks at. legs: those that the machine can be on now, from 0. smallest_gap: m,
-    inf where there is no gap.
+    settings: frozen, with the attributes that the controls set. limits: of each number among them.
+    views: camera position and the point it looks at. legs: those that the machine can be on now,
+    from 0. smallest_gap: m, inf where there is no gap.
     """
 
     settings: Any
@@ -80,7 +91,9 @@ class Scene(Protocol):
 
 @dataclass(frozen=True)
 class Slider:
-    """A slider: the setting it moves, its label, how many of its units are one of the scene's, its step, its hint."""
+    """A slider: the setting it moves, its label, how many of its units are one of the scene's, its
+    step, its hint.
+    """
 
     name: str
     label: str
@@ -90,12 +103,14 @@ class Slider:
 
 
 MACHINE = (
-    Slider("static_eccentricity", "static eccentricity, %", 100.0, 0.05, "how far the stator is off centre, % of the gap"),
+    Slider("static_eccentricity", "static eccentricity, %", 100.0, 0.05,
+           "how far the stator is off centre, % of the gap"),
     Slider("field", "field, % of the card's", 100.0, 0.5, "the magnetic field in the gap"),
     Slider("unbalance", "unbalance, % of the card's", 100.0, 1.0, "the unbalance of every body"),
 )
 PICTURE = (
-    Slider("exaggeration", "displacements drawn ×", 1.0, 1.0, "one factor for displacements and for the gap"),
+    Slider("exaggeration", "displacements drawn ×", 1.0, 1.0, "one factor for displacements and "
+           "for the gap"),
     Slider("slow_motion", "slow motion ÷", 1.0, 1.0, "how many times slower than the machine"),
 )
 
@@ -111,7 +126,9 @@ def orbit_labels(scene: Scene) -> tuple[str, ...]:
 
 
 def aspect_of(client: ClientHandle) -> float:
-    """Width over height of a client's picture; as the views are made for where it has none, hidden for instance."""
+    """Width over height of a client's picture; as the views are made for where it has none, hidden
+    for instance.
+    """
     width, height = client.camera.image_width, client.camera.image_height
     return max(width / height, 0.3) if width > 0 and height > 0 else ASPECT
 
@@ -127,11 +144,12 @@ class Panel:
 class Controls:
     """The panels of all clients of a server, for one scene.
 
-    pin: without one, every client on this computer has controls; with one, who gave it. sheet: a run sheet whose steps
-    a presenter can call up.
+    pin: without one, every client on this computer has controls; with one, who gave it. sheet: a
+    run sheet whose steps a presenter can call up.
     """
 
-    def __init__(self, server: ViserServer, scene: Scene, pin: Pin | None = None, sheet: RunSheet | None = None) -> None:
+    def __init__(self, server: ViserServer, scene: Scene, pin: Pin | None = None,
+                 sheet: RunSheet | None = None) -> None:
         self.server, self.scene, self.pin, self.sheet = server, scene, pin, sheet
         self.panels: dict[int, Panel] = {}
         self.place = 0  # the step of the run sheet that is shown
@@ -159,7 +177,9 @@ class Controls:
         self.panels.pop(client.client_id, None)
 
     async def _follow(self) -> None:
-        """Keep every panel at what the scene shows; runs in the event loop, between callbacks and never during one."""
+        """Keep every panel at what the scene shows; runs in the event loop, between callbacks and
+        never during one.
+        """
         seen, said = None, ""
         while True:
             now = self.scene.settings, self.scene.legs, self.place
@@ -173,7 +193,9 @@ class Controls:
             await asyncio.sleep(PERIOD)
 
     def go_to(self, place: int) -> None:
-        """Show a step of the run sheet, or the nearest that there is: its settings for all, its question for the room."""
+        """Show a step of the run sheet, or the nearest that there is: its settings for all, its
+        question for the room.
+        """
         if self.sheet is None:
             return
         self.place = min(max(place, 0), len(self.sheet.steps) - 1)
@@ -182,7 +204,9 @@ class Controls:
         self.asked.content = room_words(step)
 
     def look(self, client: ClientHandle, view: str) -> None:
-        """Move the camera of one client, and nobody else's, to where its window shows the whole view."""
+        """Move the camera of one client, and nobody else's, to where its window shows the whole
+        view.
+        """
         position, target = fitted(self.scene.views[view], aspect_of(client))
         with client.atomic():
             client.camera.up_direction = (0.0, 0.0, 1.0)
@@ -199,7 +223,8 @@ class Controls:
     def _add_pin_field(self, client: ClientHandle, pin: Pin) -> None:
         folder = client.gui.add_folder("for the presenter", expand_by_default=False, order=9)
         with folder:
-            guess = client.gui.add_text("PIN", "", hint="six digits, in the terminal where the server runs")
+            guess = client.gui.add_text("PIN", "", hint="six digits, in the terminal where the "
+                                                        "server runs")
             button = client.gui.add_button("take the controls")
 
         @button.on_click
@@ -207,7 +232,8 @@ class Controls:
             answer = pin.check(guess.value, address_of(client))
             if answer:
                 guess.value = ""
-                client.add_notification("No controls", answer, auto_close_seconds=6.0, color="orange")
+                client.add_notification("No controls", answer, auto_close_seconds=6.0,
+                                        color="orange")
             elif client.client_id not in self.panels:
                 folder.remove()
                 self.add_controls(client)
@@ -238,8 +264,10 @@ class Controls:
 
     def _add_slider(self, panel: Panel, slider: Slider) -> None:
         low, high = (round(slider.units * bound, 6) for bound in self.scene.limits[slider.name])
-        value = min(max(round(slider.units * getattr(self.scene.settings, slider.name), 6), low), high)
-        handle = panel.client.gui.add_slider(slider.label, low, high, slider.step, value, hint=slider.hint)
+        value = min(max(round(slider.units * getattr(self.scene.settings, slider.name), 6), low),
+                    high)
+        handle = panel.client.gui.add_slider(slider.label, low, high, slider.step, value,
+                                             hint=slider.hint)
         self._bind(panel, handle, slider.name, slider.units)
 
     def _bind(self, panel: Panel, handle: Any, name: str, units: float | None = None) -> None:
@@ -262,7 +290,8 @@ class Controls:
     def _add_orbits(self, panel: Panel) -> None:
         """A choice of orbit, seen where the machine can be in more than one."""
         labels = orbit_labels(self.scene)
-        handle = panel.client.gui.add_dropdown("orbit", labels, hint="which it is on depends on the machine's past")
+        handle = panel.client.gui.add_dropdown("orbit", labels, hint="which it is on depends on "
+                                               "the machine's past")
 
         @handle.on_update
         async def chosen(event: GuiEvent) -> None:

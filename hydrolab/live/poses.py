@@ -1,8 +1,10 @@
-"""From an orbit to where everything is: positions and tilts of shaft and bodies in the scene, at any phase.
+"""From an orbit to where everything is: positions and tilts of shaft and bodies in the scene, at
+any phase.
 
-The scene has X = x, Y = z and Z up, so Z = −y: seen from above the spin is clockwise, as in the machine. One factor
-exaggerates displacements, tilts and the air gap: the stator is drawn with the radius R_s, the rotor with R_s − k·gap, so
-that they touch on the screen exactly where they touch in the machine.
+The scene has X = x, Y = z and Z up, so Z = −y: seen from above the spin is clockwise, as in the
+machine. One factor exaggerates displacements, tilts and the air gap: the stator is drawn with the
+radius R_s, the rotor with R_s − k·gap, so that they touch on the screen exactly where they touch in
+the machine.
 """
 
 from __future__ import annotations
@@ -27,8 +29,8 @@ PERIOD = 2 * np.pi * np.arange(360) / 360
 class Stations:
     """What moves, along the machine: the shaft's nodes first, then the bodies' centres.
 
-    depths: y, m, (S,). coefficients: [mean, sin 1, cos 1, …] of x, z (m), θx, θz (rad), (S, 4, 2m + 1).
-    nodes: how many of them are on the shaft.
+    depths: y, m, (S,). coefficients: [mean, sin 1, cos 1, …] of x, z (m), θx, θz (rad), (S, 4, 2m +
+    1). nodes: how many of them are on the shaft.
     """
 
     depths: NDArray
@@ -37,17 +39,23 @@ class Stations:
 
     def motion(self, phase: NDArray | float) -> NDArray:
         """x, z, θx, θz at a phase Ωt, (S, 4), or at many, (S, 4, P)."""
-        rows = fourier_rows(self.coefficients.shape[2] // 2, np.atleast_1d(np.asarray(phase, dtype=float)))
+        rows = fourier_rows(self.coefficients.shape[2] // 2,
+                            np.atleast_1d(np.asarray(phase, dtype=float)))
         found = self.coefficients @ rows
         return found if np.ndim(phase) else found[..., 0]
 
     def towards(self, other: Stations, share: float) -> Stations:
-        """A motion on the way to another one of the same machine, for the eye: share 0 is this one, 1 the other."""
-        return Stations(self.depths, (1 - share) * self.coefficients + share * other.coefficients, self.nodes)
+        """A motion on the way to another one of the same machine, for the eye: share 0 is this one,
+        1 the other.
+        """
+        return Stations(self.depths, (1 - share) * self.coefficients + share * other.coefficients,
+                        self.nodes)
 
 
 def stations(machine: Machine, orbit: PeriodicOrbit) -> Stations:
-    """The stations of a machine on an orbit. A point mass is drawn in the middle of a shaft held at both ends."""
+    """The stations of a machine on an orbit. A point mass is drawn in the middle of a shaft held at
+    both ends.
+    """
     coefficients = orbit.model.shaft_map @ orbit.shaft
     columns = coefficients.shape[1]
     if machine.shaft is None:
@@ -57,7 +65,8 @@ def stations(machine: Machine, orbit: PeriodicOrbit) -> Stations:
     nodes = coefficients.reshape(-1, 4, columns)
     bodies = [rigid_link(body.offset) @ nodes[body.node] for body in machine.bodies]
     depths = [float(machine.shaft.nodes[body.node]) + body.offset for body in machine.bodies]
-    return Stations(np.append(machine.shaft.nodes, depths), np.concatenate([nodes, bodies]), len(nodes))
+    return Stations(np.append(machine.shaft.nodes, depths), np.concatenate([nodes, bodies]),
+                    len(nodes))
 
 
 def steepest(where: Stations) -> float:
@@ -66,7 +75,8 @@ def steepest(where: Stations) -> float:
 
 
 def largest_exaggeration(where: Stations) -> float:
-    """The factor at which the steepest tilt would be drawn with STEEPEST; inf where nothing tilts."""
+    """The factor at which the steepest tilt would be drawn with STEEPEST; inf where nothing tilts.
+    """
     tilt = steepest(where)
     return STEEPEST / tilt if tilt else math.inf
 
@@ -79,27 +89,33 @@ def positions(where: Stations, motion: NDArray, factor: float) -> NDArray:
 def quaternions(motion: NDArray, factor: float, turn: float = 0.0) -> NDArray:
     """Orientations wxyz, (S, 4): the tilt exaggerated by `factor` after a turn with the spin, rad.
 
-    A rotation vector (θx, θy, θz) of the machine is (θx, θz, −θy) in the scene; the spin is about +y, so about −Z.
+    A rotation vector (θx, θy, θz) of the machine is (θx, θz, −θy) in the scene; the spin is about
+    +y, so about −Z.
     """
     tilt = factor * motion[:, 2:]
     angle = np.hypot(*tilt.T)
     sine = 0.5 * np.sinc(angle / (2 * np.pi))  # sin(angle/2)/angle, also at 0
-    leaning = np.column_stack([np.cos(angle / 2), sine * tilt[:, 0], sine * tilt[:, 1], np.zeros(len(tilt))])
+    leaning = np.column_stack([np.cos(angle / 2), sine * tilt[:, 0], sine * tilt[:, 1],
+                               np.zeros(len(tilt))])
     c, s = math.cos(turn / 2), -math.sin(turn / 2)
     w, x, y, z = leaning.T
     return np.column_stack([c * w - s * z, c * x + s * y, c * y - s * x, c * z + s * w])
 
 
 def drawn_rotor_radius(stator_radius: float, gap: float, factor: float) -> float:
-    """R_s − k·gap, m: the rotor's radius that makes contact on the screen contact in the machine."""
+    """R_s − k·gap, m: the rotor's radius that makes contact on the screen contact in the machine.
+    """
     return stator_radius - factor * gap
 
 
-def orbit_rings(where: Stations, factor: float, radius: float, points: int = 96) -> tuple[NDArray, NDArray]:
-    """What a shaft of the drawn `radius` (m) sweeps at each node in a turn, and how far from rest that takes its axis, m.
+def orbit_rings(where: Stations, factor: float, radius: float,
+                points: int = 96) -> tuple[NDArray, NDArray]:
+    """What a shaft of the drawn `radius` (m) sweeps at each node in a turn, and how far from rest
+    that takes its axis, m.
 
-    Line segments (nodes · points, 2, 3) and distances (nodes · points, 2). A drawn shaft hides its axis' orbit, so this is
-    the orbit's convex outline grown by the radius: in each direction the farthest point of the orbit, and the radius on.
+    Line segments (nodes · points, 2, 3) and distances (nodes · points, 2). A drawn shaft hides its
+    axis' orbit, so this is the orbit's convex outline grown by the radius: in each direction the
+    farthest point of the orbit, and the radius on.
     """
     path = where.motion(PERIOD)[:where.nodes, :2]
     angle = 2 * np.pi * np.arange(points + 1) / points

@@ -1,4 +1,5 @@
-"""The 3D machine as one HTML file that plays without a server and asks no other computer for anything.
+"""The 3D machine as one HTML file that plays without a server and asks no other computer for
+anything.
 
 A run sheet as one file that plays without a server: each step's recorded scene beside its words.
 """
@@ -53,9 +54,11 @@ def record_scene(scene: MachineScene, path: str | Path, turns: int = TURNS, *,
     return path
 
 
-def record_machine(machine: Machine, path: str | Path, static_eccentricity: float = 0.0, leg: int = 0, *, turns: int = TURNS,
+def record_machine(machine: Machine, path: str | Path, static_eccentricity: float = 0.0,
+                   leg: int = 0, *, turns: int = TURNS,
                    progress: Callable[[int, int], None] | None = None) -> str:
-    """Write a machine at a static eccentricity (fraction of the gap) on a leg of its branch; return its reading.
+    """Write a machine at a static eccentricity (fraction of the gap) on a leg of its branch; return
+    its reading.
 
     Raises BadInput where there is no such steady state.
     """
@@ -71,7 +74,9 @@ def record_machine(machine: Machine, path: str | Path, static_eccentricity: floa
 
 
 def check_steady_state(scene: MachineScene, static_eccentricity: float, leg: int) -> None:
-    """Raise BadInput where the machine has no steady state on that leg (0 is the first) at that eccentricity."""
+    """Raise BadInput where the machine has no steady state on that leg (0 is the first) at that
+    eccentricity.
+    """
     legs = scene.live.legs.all if scene.live.legs else ()
     if not legs and static_eccentricity == 0 and leg == 0:
         return
@@ -80,36 +85,44 @@ def check_steady_state(scene: MachineScene, static_eccentricity: float, leg: int
     if not 0 <= leg < len(legs):
         raise BadInput(f"orbit is {leg + 1}; {scene.machine.name} has {len(legs)} of them, from 1.")
     if not legs[leg].holds(static_eccentricity):
-        raise BadInput(f"static eccentricity is {percent(static_eccentricity)}; orbit {leg + 1} exists from "
+        raise BadInput(f"static eccentricity is {percent(static_eccentricity)}; orbit {leg + 1} "
+                       "exists from "
                        f"{percent(legs[leg].low, 4)} to {percent(legs[leg].high, 4)}.")
 
 
 FRAME = 1.0  # width over height of the scene beside the words
-DATA = re.compile(r'<script>window\.__VISER_EMBED_DATA__="([A-Za-z0-9+/=]*)";.*?</script>', re.DOTALL)
+DATA = re.compile(r'<script>window\.__VISER_EMBED_DATA__="([A-Za-z0-9+/=]*)";.*?</script>',
+                  re.DOTALL)
 
 
 def sheet_page(sheet: RunSheet, recordings: Sequence[str]) -> str:
-    """The page of a run sheet from one recorded scene (viser's HTML) for each step; the player is in it once.
+    """The page of a run sheet from one recorded scene (viser's HTML) for each step; the player is
+    in it once.
 
     Raises BadInput where there is not one recording for each step.
     """
     if len(recordings) != len(sheet.steps):
-        raise BadInput(f"{len(recordings)} recordings for {len(sheet.steps)} steps; give one for each.")
+        raise BadInput(f"{len(recordings)} recordings for {len(sheet.steps)} steps; give one for "
+                       "each.")
     player, steps = "", []
     for step, recording in zip(sheet.steps, recordings, strict=True):
         found = DATA.search(recording)
         if found is None:
             raise BadInput("A recording is not of the form that viser 1.1 writes.")
         player = recording[:found.start()] + recording[found.end():]
-        steps.append({"title": step.title, "cue": step.cue, "see": step.see, "ask": step.ask, "scene": found[1],
+        steps.append({"title": step.title, "cue": step.cue, "see": step.see, "ask": step.ask,
+                      "scene": found[1],
                       "dark": bool(step.state.get("dark", False))})
-    data = json.dumps({"player": base64.b64encode(player.encode()).decode(), "steps": steps}).replace("</", "<\\/")
+    data = json.dumps({"player": base64.b64encode(player.encode()).decode(),
+                       "steps": steps}).replace("</", "<\\/")
     filled = {"%TITLE%": html.escape(sheet.title), "%DATA%": data}
     return re.sub("|".join(filled), lambda mark: filled[mark[0]], PAGE)
 
 
-def record_sheet(sheet: RunSheet, path: Path, turns: int = 3, *, progress: Callable[[int, int], None] | None = None) -> None:
-    """Write a run sheet as one HTML file: every step in its view, turning for some whole turns and over again.
+def record_sheet(sheet: RunSheet, path: Path, turns: int = 3, *,
+                 progress: Callable[[int, int], None] | None = None) -> None:
+    """Write a run sheet as one HTML file: every step in its view, turning for some whole turns and
+    over again.
 
     progress: called with how many steps are done, and of how many.
     Raises BadInput for a path that is no .html file.

@@ -1,4 +1,6 @@
-"""Run sheets: what a presenter says, shows and asks, step by step, in a TOML file that people and the program read."""
+"""Run sheets: what a presenter says, shows and asks, step by step, in a TOML file that people and
+the program read.
+"""
 
 from __future__ import annotations
 
@@ -29,9 +31,11 @@ START = {"eccentricity": 0.0, "orbit": 1, "field": 1.0, "unbalance": 1.0, "playi
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a run sheet. `state` is everything that was set up to here, in the units of the sheet.
+    """One step of a run sheet. `state` is everything that was set up to here, in the units of the
+    sheet.
 
-    see: what the room should see; holds: the numbers in it, which a test computes again (see `facts`).
+    see: what the room should see; holds: the numbers in it, which a test computes again (see
+    `facts`).
     """
 
     title: str
@@ -45,9 +49,12 @@ class Step:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The state in the units of the scene: eccentricity as a fraction of the gap, legs counted from 0."""
+        """The state in the units of the scene: eccentricity as a fraction of the gap, legs counted
+        from 0.
+        """
         own = dict(self.state)
-        return {"static_eccentricity": own.pop("eccentricity") / 100, "leg": int(own.pop("orbit")) - 1, **own}
+        return {"static_eccentricity": own.pop("eccentricity") / 100,
+                "leg": int(own.pop("orbit")) - 1, **own}
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,8 @@ class RunSheet:
     def __str__(self) -> str:
         lines = [f"{self.title} ({self.minutes:g} minutes, {self.card})"]
         for number, step in enumerate(self.steps, 1):
-            lines += ["", f"{number}. {step.title} ({step.minutes:g} min; view: {step.camera})", f"   Do:  {step.cue}",
+            lines += ["", f"{number}. {step.title} ({step.minutes:g} min; view: {step.camera})",
+                      f"   Do:  {step.cue}",
                       f"   See: {step.see}", f"   Ask: {step.ask}"]
         return "\n".join(lines)
 
@@ -87,7 +95,8 @@ def load_run_sheet(path: Path) -> RunSheet:
         where = f"{path.name}, step {number}"
         _check_step(where, row)
         state = state | row.get("set", {})
-        steps.append(Step(minutes=row["minutes"], state=state, holds=row.get("holds", {}), **{w: row[w] for w in WORDS}))
+        steps.append(Step(minutes=row["minutes"], state=state, holds=row.get("holds", {}),
+                          **{w: row[w] for w in WORDS}))
     total = sum(step.minutes for step in steps)
     if not math.isclose(total, table["minutes"]):
         raise BadInput(f"{path.name}: minutes is {table['minutes']}, but its steps take {total:g}.")
@@ -108,13 +117,15 @@ def _check_step(where: str, row: Any) -> None:
         raise BadInput(f"{where}: minutes is {row.get('minutes')!r}; give a number above 0.")
     for part in ("set", "holds"):
         if not isinstance(row.get(part, {}), dict):
-            raise BadInput(f"{where}: {part} is {row[part]!r}; give a table, {{ eccentricity = 5.0 }} for instance.")
+            raise BadInput(f"{where}: {part} is {row[part]!r}; give a table, {{ eccentricity = 5.0 "
+                           "}} for instance.")
     for name, value in row.get("set", {}).items():
         if name in SWITCHES:
             if not isinstance(value, bool):
                 raise BadInput(f"{where}: {name} is {value!r}; give true or false.")
         elif name not in NUMBERS:
-            raise BadInput(f"{where}: {name} cannot be set; there are {', '.join([*NUMBERS, *SWITCHES])}.")
+            raise BadInput(f"{where}: {name} cannot be set; there are "
+                           f"{', '.join([*NUMBERS, *SWITCHES])}.")
         elif not _is_number(value) or not NUMBERS[name][0] <= value <= NUMBERS[name][1]:
             low, high = NUMBERS[name]
             raise BadInput(f"{where}: {name} is {value!r}; give a number from {low:g} to {high:g}.")
@@ -122,7 +133,8 @@ def _check_step(where: str, row: Any) -> None:
             raise BadInput(f"{where}: orbit is {value!r}; give a whole number.")
     for name, value in row.get("holds", {}).items():
         if name not in FACTS or not _is_number(value):
-            raise BadInput(f"{where}: holds {name} = {value!r}; numbers that can be checked are {', '.join(FACTS)}.")
+            raise BadInput(f"{where}: holds {name} = {value!r}; numbers that can be checked are "
+                           f"{', '.join(FACTS)}.")
 
 
 def _is_number(value: Any) -> bool:
@@ -135,33 +147,42 @@ def sheet_machine(sheet: RunSheet, step: Step) -> Machine:
     Raises BadInput for a card that there is not.
     """
     machine = load_machine(sheet.card)
-    return vary(machine, {"field": step.state["field"] * machine.air_gap.field, "unbalance": step.state["unbalance"]})
+    return vary(machine, {"field": step.state["field"] * machine.air_gap.field,
+                          "unbalance": step.state["unbalance"]})
 
 
 # What `facts` computes and a step may hold.
-FACTS = ("orbits", "stable_orbits", "first_um", "across_um", "mean_um", "second_percent", "axes_ratio", "smallest_gap_mm",
-         "gap_mm", "offset_um", "fold_percent", "second_fold_percent", "third_fold_percent", "speed_rpm")
+FACTS = ("orbits", "stable_orbits", "first_um", "across_um", "mean_um", "second_percent",
+         "axes_ratio", "smallest_gap_mm",
+         "gap_mm", "offset_um", "fold_percent", "second_fold_percent", "third_fold_percent",
+         "speed_rpm")
 
 
 def facts(machine: Machine, step: Step, legs: Legs | None = None) -> dict[str, float]:
-    """Everything a step may hold, computed: numbers of steady states, the shape of the one shown, the folds.
+    """Everything a step may hold, computed: numbers of steady states, the shape of the one shown,
+    the folds.
 
-    first, across: 1X in x and z, 0 to peak. axes_ratio: of the 1X ellipse, short to long. legs: of this machine, if known.
-    Raises BadInput where the step's orbit does not exist at its eccentricity.
+    first, across: 1X in x and z, 0 to peak. axes_ratio: of the 1X ellipse, short to long. legs: of
+    this machine, if known. Raises BadInput where the step's orbit does not exist at its
+    eccentricity.
     """
     legs = legs or legs_of(machine)
     eccentricity, leg = step.state["eccentricity"] / 100, int(step.state["orbit"]) - 1
     orbit = legs.orbit(eccentricity, leg)
     if orbit is None:
-        raise BadInput(f"Step {step.title!r}: there is no orbit {leg + 1} at {step.state['eccentricity']:g} %.")
-    there = {i: found for i in range(len(legs.all)) if (found := legs.orbit(eccentricity, i)) is not None}
+        raise BadInput(f"Step {step.title!r}: there is no orbit {leg + 1} at "
+                       f"{step.state['eccentricity']:g} %.")
+    there = {i: found for i in range(len(legs.all))
+             if (found := legs.orbit(eccentricity, i)) is not None}
     first = ellipse(orbit.coefficients, 1)
     folds = [100 * fold.value for fold in legs.branch.folds] + [math.nan] * 3
     return {
         "orbits": len(there),
         "stable_orbits": sum(legs.verdict(found, i) == "stable" for i, found in there.items()),
-        "first_um": 1e6 * float(orbit.amplitudes[0, 0]), "across_um": 1e6 * float(orbit.amplitudes[1, 0]),
-        "mean_um": 1e6 * float(np.hypot(*orbit.mean)), "second_percent": 100 * second_share(orbit.coefficients),
+        "first_um": 1e6 * float(orbit.amplitudes[0, 0]),
+        "across_um": 1e6 * float(orbit.amplitudes[1, 0]),
+        "mean_um": 1e6 * float(np.hypot(*orbit.mean)),
+        "second_percent": 100 * second_share(orbit.coefficients),
         "axes_ratio": first.minor / first.major if first.major else math.nan,
         "smallest_gap_mm": 1e3 * orbit.smallest_gap, "gap_mm": 1e3 * machine.air_gap.gap,
         "offset_um": 1e6 * eccentricity * machine.air_gap.gap,

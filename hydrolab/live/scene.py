@@ -2,8 +2,8 @@
 
 The machine in 3D: built from its card, moved along its orbit by one loop, changed by settings.
 
-What moves in each frame moves by its pose, within one atomic block; properties change only when a setting does. One
-thread owns the solver: `change` only says what is wanted.
+What moves in each frame moves by its pose, within one atomic block; properties change only when a
+setting does. One thread owns the solver: `change` only says what is wanted.
 """
 
 from __future__ import annotations
@@ -53,8 +53,9 @@ from hydrolab.machine.parts import Machine
 class SceneSettings:
     """What the 3D machine shows.
 
-    static_eccentricity: fraction of the gap. leg: of the branch, 0 is the first. field, unbalance: factors on the card's.
-    exaggeration: of displacements and gap. slow_motion: how many times slower than the machine. view: the first view.
+    static_eccentricity: fraction of the gap. leg: of the branch, 0 is the first. field, unbalance:
+    factors on the card's. exaggeration: of displacements and gap. slow_motion: how many times
+    slower than the machine. view: the first view.
     """
 
     static_eccentricity: float = 0.0
@@ -74,9 +75,11 @@ class SceneSettings:
         return self.static_eccentricity, self.leg, self.field, self.unbalance
 
 
-def changed(settings: SceneSettings, wanted: Mapping[str, Any], limits: Mapping[str, tuple[float, float]],
+def changed(settings: SceneSettings, wanted: Mapping[str, Any],
+            limits: Mapping[str, tuple[float, float]],
             views: Collection[str], legs: int) -> SceneSettings:
-    """Settings with what is wanted, numbers clamped to their limits and the leg to the `legs` there are.
+    """Settings with what is wanted, numbers clamped to their limits and the leg to the `legs` there
+    are.
 
     Raises BadInput for a name that is no setting or a value of another kind.
     """
@@ -84,11 +87,13 @@ def changed(settings: SceneSettings, wanted: Mapping[str, Any], limits: Mapping[
                                 for name, value in wanted.items()})
 
 
-def _accepted(settings: SceneSettings, name: str, value: Any, limits: Mapping[str, tuple[float, float]],
+def _accepted(settings: SceneSettings, name: str, value: Any,
+              limits: Mapping[str, tuple[float, float]],
               views: Collection[str], legs: int) -> Any:
     own = vars(settings).get(name)
     if own is None:
-        raise BadInput(f"{name!r} is no setting of the 3D view; there are {', '.join(vars(settings))}.")
+        raise BadInput(f"{name!r} is no setting of the 3D view; there are "
+                       f"{', '.join(vars(settings))}.")
     if isinstance(own, str):
         if not isinstance(value, str) or value not in views:
             raise BadInput(f"{name} is {value!r}; there are {', '.join(views)}.")
@@ -97,7 +102,9 @@ def _accepted(settings: SceneSettings, name: str, value: Any, limits: Mapping[st
         if not isinstance(value, bool | np.bool_):
             raise BadInput(f"{name} is {value!r}; it must be true or false.")
         return bool(value)
-    if isinstance(value, bool | np.bool_) or not isinstance(value, int | float | np.number) or not math.isfinite(value):
+    if isinstance(value, bool | np.bool_) or not isinstance(value,
+                                                            int | float
+                                                            | np.number) or not math.isfinite(value):
         raise BadInput(f"{name} is {value!r}; it must be a finite number.")
     if isinstance(own, int):
         if value != int(value):
@@ -107,21 +114,24 @@ def _accepted(settings: SceneSettings, name: str, value: Any, limits: Mapping[st
 
 
 FAST, SLOW, FEW = 60.0, 36.0, 4  # frames a second, with up to FEW viewers and with more
-IDLE = 0.2  # s between frames that nobody sees: a cell in a notebook leaves the kernel to the others
+# s between frames that nobody sees: a cell in a notebook leaves the kernel to the others
+IDLE = 0.2
 EASE = 0.035  # s; what is drawn follows a new orbit with this time constant
 SHARE = 0.28  # of the stator's radius: the gap as it is first drawn
 ARROW = 1.6  # units of the drawing: the arrow of the largest pull on the orbit
-RINGS = 1.25  # of the shaft's radius: the rings are a little wider than what the shaft sweeps, to be seen
+# of the shaft's radius: the rings are a little wider than what the shaft sweeps, to be seen
+RINGS = 1.25
 
 
 class MachineScene:
     """The 3D scene of one machine on a viser server.
 
-    branch: steady states over the static eccentricity, followed already; otherwise they are followed here.
-    `run` starts the loop; without it, `draw` shows one phase.
+    branch: steady states over the static eccentricity, followed already; otherwise they are
+    followed here. `run` starts the loop; without it, `draw` shows one phase.
     """
 
-    def __init__(self, server: ViserServer, machine: Machine, branch: Branch | None = None, **settings: Any) -> None:
+    def __init__(self, server: ViserServer, machine: Machine, branch: Branch | None = None,
+                 **settings: Any) -> None:
         self.server, self.machine = server, machine
         self.live = LiveOrbit(machine, branch)
         self.sizes = sizes_of(machine)
@@ -131,13 +141,15 @@ class MachineScene:
         self._stopping = False
         scale = self._first_exaggeration()
         self.limits: dict[str, tuple[float, float]] = {
-            "static_eccentricity": (0.0, math.floor(1e3 * self.live.reach) / 1e3), "field": FIELDS, "unbalance": UNBALANCES,
+            "static_eccentricity": (0.0, math.floor(1e3 * self.live.reach) / 1e3), "field": FIELDS,
+            "unbalance": UNBALANCES,
             "exaggeration": (1.0, 1.6 * scale), "slow_motion": (1.0, 100.0)}
         self.views = views_of(self.sizes)
         self.settings = self._checked(SceneSettings(exaggeration=scale), settings)
         self.shown: Shown = self._solved(None)
         self.where = stations(machine, self.shown.orbit)
-        self.drawn, self.centre = self.where, np.array(self.shown.orbit.centre)  # what the eye sees, on its way there
+        # what the eye sees, on its way there
+        self.drawn, self.centre = self.where, np.array(self.shown.orbit.centre)
         self.factor = self._drawn_factor()
         self._applied = self.settings
         self._build()
@@ -166,7 +178,8 @@ class MachineScene:
             self.draw(self.phase)
 
     def _checked(self, settings: SceneSettings, wanted: dict[str, Any]) -> SceneSettings:
-        return changed(settings, wanted, self.limits, self.views, len(self.live.legs.all) if self.live.legs else 1)
+        return changed(settings, wanted, self.limits, self.views,
+                       len(self.live.legs.all) if self.live.legs else 1)
 
     @property
     def smallest_gap(self) -> float:
@@ -182,7 +195,9 @@ class MachineScene:
     # ------------------------------------------------------------------ building
 
     def _first_exaggeration(self) -> float:
-        """A whole factor that draws the gap, or the largest displacement of a machine without one, to be seen well."""
+        """A whole factor that draws the gap, or the largest displacement of a machine without one,
+        to be seen well.
+        """
         if self.machine.air_gap:
             return float(round(SHARE * self.sizes.stator / self.machine.air_gap.gap))
         motion = stations(self.machine, self.live.at(0.0, 0, 1.0, 1.0).orbit).motion(PERIOD)
@@ -191,7 +206,8 @@ class MachineScene:
 
     def _build(self) -> None:
         server, machine, sizes, drawn = self.server, self.machine, self.sizes, self.drawn
-        server.gui.configure_theme(dark_mode=self.settings.dark, show_share_button=False, show_logo=False)
+        server.gui.configure_theme(dark_mode=self.settings.dark, show_share_button=False,
+                                   show_logo=False)
         camera = server.initial_camera
         camera.position, camera.look_at = self.views[self.settings.view]
         camera.fov = LENS
@@ -222,7 +238,8 @@ class MachineScene:
         orbit = self.shown.orbit
         factor = self.factor = self._drawn_factor()
         rings, away = orbit_rings(self.where, factor, RINGS * self.sizes.shaft)
-        self.server.scene.add_line_segments("/orbits", rings.astype(np.float32), orbit_colours(away, float(away.max())),
+        self.server.scene.add_line_segments("/orbits", rings.astype(np.float32),
+                                            orbit_colours(away, float(away.max())),
                                             thickness=5.0, thickness_units="screen")
         self.names.say(orbit, factor, self.settings.slow_motion, self.settings.names)
         if self.inset is None:
@@ -237,7 +254,8 @@ class MachineScene:
         orbit = self.shown.orbit
         e = orbit.positions(np.atleast_1d(phase)) - orbit.centre[:, None]
         law = orbit.model.law
-        if len(orbit.model.selection) > 2 or law.moving:  # the pull's own share is what the card's gap gives
+        # the pull's own share is what the card's gap gives
+        if len(orbit.model.selection) > 2 or law.moving:
             law = self.machine.model().law if not self.machine.model().law.moving else law
         return law.force(e)
 
@@ -280,17 +298,22 @@ class MachineScene:
         return self.live.at(s.static_eccentricity, s.leg, s.field, s.unbalance, before)
 
     def _update(self, passed: float) -> None:
-        """Follow the settings: solve where they changed, and bring what is drawn nearer to the orbit, `passed` s later."""
+        """Follow the settings: solve where they changed, and bring what is drawn nearer to the
+        orbit, `passed` s later.
+        """
         with self._lock:
             wanted = self.settings
         if wanted != self._applied:
             if wanted.solved_for != self._applied.solved_for:
                 self.shown = self._solved(self.shown)
-                if self.shown.jumped:  # it stays where it jumped to: lowering the eccentricity again does not bring it back
+                # it stays where it jumped to: lowering the eccentricity again does not bring it
+                # back
+                if self.shown.jumped:
                     wanted = self._stay(wanted, self.shown.leg)
                 self.where = stations(self.machine, self.shown.orbit)
             if wanted.dark != self._applied.dark:
-                self.server.gui.configure_theme(dark_mode=wanted.dark, show_share_button=False, show_logo=False)
+                self.server.gui.configure_theme(dark_mode=wanted.dark, show_share_button=False,
+                                                show_logo=False)
                 add_surroundings(self.server, self.sizes, wanted.dark)
                 if self.inset:
                     self.inset.dress(wanted.dark)
@@ -301,7 +324,9 @@ class MachineScene:
         self.centre = (1 - share) * self.centre + share * self.shown.orbit.centre
 
     def _stay(self, wanted: SceneSettings, leg: int) -> SceneSettings:
-        """Settings with the leg that the machine jumped to, unless something else was set meanwhile."""
+        """Settings with the leg that the machine jumped to, unless something else was set
+        meanwhile.
+        """
         with self._lock:
             if self.settings == wanted:
                 self.settings = replace(wanted, leg=leg)

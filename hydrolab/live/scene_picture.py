@@ -1,8 +1,9 @@
-"""The README's picture of the 3D machine: the real view in a real browser, at 8.8 % on the far orbit.
+"""The README's picture of the 3D machine: the real view in a real browser, at 8.8 % on the far
+orbit.
 
-`python -m hydrolab.live.scene_picture [FILE]` draws it with an installed Chromium or Chrome (Playwright drives it, extra
-[test]) and prints the Markdown line that shows it, with its reading as alt text; FILE is book/images/machine-3d.png by
-default.
+`python -m hydrolab.live.scene_picture [FILE]` draws it with an installed Chromium or Chrome
+(Playwright drives it, extra [test]) and prints the Markdown line that shows it, with its reading as
+alt text; FILE is book/images/machine-3d.png by default.
 """
 
 from __future__ import annotations
@@ -52,11 +53,13 @@ def picture_of(scene: MachineScene, file: Path, width: int = 960, height: int = 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the picture and print the line for the README."""
-    parser = argparse.ArgumentParser(prog="python -m hydrolab.live.scene_picture", description=__doc__.split("\n\n")[0])
+    parser = argparse.ArgumentParser(prog="python -m hydrolab.live.scene_picture",
+                                     description=__doc__.split("\n\n")[0])
     parser.add_argument("file", nargs="?", type=Path, default=FILE)
     file = parser.parse_args(arguments).file
     try:
-        scene = MachineScene(open_server(port=0), load_machine("kaplan-150rpm"), static_eccentricity=0.088, leg=2,
+        scene = MachineScene(open_server(port=0), load_machine("kaplan-150rpm"),
+                             static_eccentricity=0.088, leg=2,
                              playing=False)
         scene.draw(1.0)
         picture_of(scene, file)

@@ -1,4 +1,6 @@
-"""One 3D server per process, on this computer alone unless told otherwise, with a gate in front (see `gate`)."""
+"""One 3D server per process, on this computer alone unless told otherwise, with a gate in front
+(see `gate`).
+"""
 
 from __future__ import annotations
 
@@ -37,17 +39,19 @@ _open: _Open | None = None
 
 def open_server(host: str = "127.0.0.1", port: int | None = None, *, room: bool = False,
                 viewers: int = VIEWERS, label: str = "hydrolab") -> ViserServer:
-    """Open the process's 3D server; one that is open already is closed first, and its port is used again.
+    """Open the process's 3D server; one that is open already is closed first, and its port is used
+    again.
 
-    host: an address of this computer. One that others can reach needs room=True. port: without one the last port, 8080
-    or the next free one; 0 for any. viewers: how many may watch at once.
-    Raises BadInput for a host or a port on which this computer cannot listen.
+    host: an address of this computer. One that others can reach needs room=True. port: without one
+    the last port, 8080 or the next free one; 0 for any. viewers: how many may watch at once. Raises
+    BadInput for a host or a port on which this computer cannot listen.
     """
     global _open
     if isinstance(viewers, bool) or not isinstance(viewers, int) or not 1 <= viewers <= 1000:
         raise BadInput(f"viewers is {viewers!r}; give a whole number from 1 to 1000.")
     if not room and not is_loopback(host):
-        raise BadInput(f"host is {host!r}, which other computers may reach; open it to them with room=True "
+        raise BadInput(f"host is {host!r}, which other computers may reach; open it to them with "
+                       "room=True "
                        "(on the command line: --room), or use 127.0.0.1.")
     with _lock:
         last = _open.server.get_port() if _open else FIRST_PORT
@@ -78,7 +82,8 @@ def current_gate() -> Gate | None:
 
 
 def stop_with_server(stop: Callable[[], None]) -> None:
-    """Have something stopped, once, when the process's server closes: a scene's loop, for instance."""
+    """Have something stopped, once, when the process's server closes: a scene's loop, for instance.
+    """
     with _lock:
         if _open is None:
             raise BadInput("No 3D server is open; open one with `open_server`.")
@@ -100,7 +105,9 @@ def close_server() -> None:
 
 @contextlib.contextmanager
 def quiet_rich() -> Iterator[None]:
-    """viser prints its address and its end, port and all; in a notebook that text would change from run to run."""
+    """viser prints its address and its end, port and all; in a notebook that text would change from
+    run to run.
+    """
     console = rich.get_console()
     before, console.quiet = console.quiet, True
     try:
@@ -123,15 +130,19 @@ def room_address() -> str:
     Raises BadInput where it is on none.
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe, contextlib.suppress(OSError):
-        probe.connect(("192.0.2.1", 9))  # an address kept for documentation: a route is chosen, no packet leaves
+        # an address kept for documentation: a route is chosen, no packet leaves
+        probe.connect(("192.0.2.1", 9))
         if not ip_address(address := probe.getsockname()[0]).is_loopback:
             return address
-    raise BadInput("This computer is on no network that others could use; connect it to the room's network, "
+    raise BadInput("This computer is on no network that others could use; connect it to the room's "
+                   "network, "
                    "or give its address with --host.")
 
 
 def page_address(server: ViserServer, host: str | None = None) -> str:
-    """The address of the server's page, for a browser; `host` where the one it listens on is a wildcard."""
+    """The address of the server's page, for a browser; `host` where the one it listens on is a
+    wildcard.
+    """
     host = host or server.get_host()
     return f"http://{f'[{host}]' if ':' in host else host}:{server.get_port()}/"
 
@@ -139,11 +150,15 @@ def page_address(server: ViserServer, host: str | None = None) -> str:
 def _bindable(host: str, port: int | None, first: int) -> int:
     """A port that can be listened on: the one asked for, or the first free one.
 
-    Raises BadInput with the reason: viser would take another port without a word, and hang for a foreign address.
+    Raises BadInput with the reason: viser would take another port without a word, and hang for a
+    foreign address.
     """
-    if port is not None and (isinstance(port, bool) or not isinstance(port, int) or not 0 <= port <= 65535):
-        raise BadInput(f"port is {port!r}; a port is a whole number from 1 to 65535, or 0 for any free one.")
-    for candidate in [port] if port is not None else [first, *range(FIRST_PORT, FIRST_PORT + 100), 0]:
+    if port is not None and (isinstance(port, bool) or not isinstance(port, int)
+                             or not 0 <= port <= 65535):
+        raise BadInput(f"port is {port!r}; a port is a whole number from 1 to 65535, or 0 for any "
+                       "free one.")
+    for candidate in [port] if port is not None else [first, *range(FIRST_PORT, FIRST_PORT + 100),
+                                                      0]:
         problem = trouble(host, candidate)
         if problem is None:
             return candidate

@@ -14,7 +14,8 @@ def joined(*solids: Solid) -> Solid:
     """Several solids as one."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in solids)])
     return (np.concatenate([vertices for vertices, _ in solids]),
-            np.concatenate([faces + start for (_, faces), start in zip(solids, starts, strict=False)]))
+            np.concatenate([faces + start for (_, faces), start in zip(solids, starts,
+                                                                       strict=False)]))
 
 
 def moved(solid: Solid, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
@@ -29,38 +30,46 @@ def turned(solid: Solid, angle: float) -> Solid:
 
 
 def swept(outline: NDArray, start: float = 0.0, end: float = 2 * math.pi, steps: int = 72) -> Solid:
-    """A closed outline of (radius, height), (N, 2), run counter-clockwise, swept about Z; open sectors get flat ends."""
+    """A closed outline of (radius, height), (N, 2), run counter-clockwise, swept about Z; open
+    sectors get flat ends.
+    """
     whole = end - start > 2 * math.pi - 1e-9
     count, n = steps + (not whole), len(outline)
     angle = start + (end - start) * np.arange(count) / steps
-    vertices = np.stack([outline[None, :, 0] * np.cos(angle)[:, None], outline[None, :, 0] * np.sin(angle)[:, None],
+    vertices = np.stack([outline[None, :, 0] * np.cos(angle)[:, None],
+                         outline[None, :, 0] * np.sin(angle)[:, None],
                          np.broadcast_to(outline[None, :, 1], (count, n))], axis=-1).reshape(-1, 3)
     i, j = np.meshgrid(np.arange(steps), np.arange(n), indexing="ij")
     a, b = i * n + j, i * n + (j + 1) % n
     c, d = (i + 1) % count * n + j, (i + 1) % count * n + (j + 1) % n
-    faces = np.concatenate([np.stack([a, c, d], -1).reshape(-1, 3), np.stack([a, d, b], -1).reshape(-1, 3)])
+    faces = np.concatenate([np.stack([a, c, d], -1).reshape(-1, 3),
+                            np.stack([a, d, b], -1).reshape(-1, 3)])
     if not whole:
         fan = np.array([[0, k, k + 1] for k in range(1, n - 1)])
         faces = np.concatenate([faces, fan, fan[:, ::-1] + (count - 1) * n])
     return vertices, faces
 
 
-def ring(inner: float, outer: float, low: float, high: float, start: float = 0.0, end: float = 2 * math.pi,
+def ring(inner: float, outer: float, low: float, high: float, start: float = 0.0,
+         end: float = 2 * math.pi,
          steps: int = 72) -> Solid:
     """A ring, or a sector of one, of rectangular section."""
-    return swept(np.array([[inner, low], [outer, low], [outer, high], [inner, high]]), start, end, steps)
+    return swept(np.array([[inner, low], [outer, low], [outer, high], [inner, high]]), start, end,
+                 steps)
 
 
 def box(radius: float, depth: float, width: float, low: float, high: float) -> Solid:
     """A block on the X axis from `radius` outwards by `depth`."""
     x, y, z = [radius, radius + depth], [-width / 2, width / 2], [low, high]
     vertices = np.array([[a, b, c] for a in x for b in y for c in z])
-    faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6],
+    faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7],
+                      [2, 7, 6],
                       [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])
     return vertices, faces
 
 
-def blade(inner: float, outer: float, pitch: float = 0.5, thickness: float = 0.06, steps: int = 12) -> Solid:
+def blade(inner: float, outer: float, pitch: float = 0.5, thickness: float = 0.06,
+          steps: int = 12) -> Solid:
     """A blade of a Kaplan runner on the X axis: a bent plate whose pitch falls outwards."""
     radius = np.linspace(inner, outer, steps)
     across = np.linspace(-0.5, 0.5, steps)
@@ -73,12 +82,15 @@ def blade(inner: float, outer: float, pitch: float = 0.5, thickness: float = 0.0
     up = np.array([0, 0, thickness / 2]) * (1 - 0.8 * np.abs(2 * a))[..., None]
     vertices = np.concatenate([(middle + up).reshape(-1, 3), (middle - up).reshape(-1, 3)])
     i, j = np.meshgrid(np.arange(steps - 1), np.arange(steps - 1), indexing="ij")
-    p, q, s, t = (x.ravel() for x in (i * steps + j, (i + 1) * steps + j, (i + 1) * steps + j + 1, i * steps + j + 1))
+    p, q, s, t = (x.ravel() for x in (i * steps + j, (i + 1) * steps + j, (i + 1) * steps + j + 1,
+                                      i * steps + j + 1))
     top = np.concatenate([np.stack([p, q, s], -1), np.stack([p, s, t], -1)])
     rim = np.concatenate([np.arange(steps), steps * np.arange(1, steps) + steps - 1,
-                          steps * (steps - 1) + np.arange(steps - 2, -1, -1), steps * np.arange(steps - 2, 0, -1)])
+                          steps * (steps - 1) + np.arange(steps - 2, -1, -1),
+                          steps * np.arange(steps - 2, 0, -1)])
     after, below = np.roll(rim, -1), steps * steps
-    sides = np.concatenate([np.stack([rim, after + below, rim + below], -1), np.stack([rim, after, after + below], -1)])
+    sides = np.concatenate([np.stack([rim, after + below, rim + below], -1),
+                            np.stack([rim, after, after + below], -1)])
     return vertices, np.concatenate([top, top[:, ::-1] + below, sides])
 
 
@@ -96,5 +108,8 @@ def tube(radius: float, low: float, high: float, rings: int, sides: int = 40) ->
 
 
 def hat_weights(height: NDArray, knots: NDArray) -> NDArray:
-    """Weights (V, B) of the bones at `knots` (ascending) for points at `height`: linear between neighbours."""
-    return np.stack([np.interp(height, knots, np.eye(len(knots))[b]) for b in range(len(knots))], axis=1)
+    """Weights (V, B) of the bones at `knots` (ascending) for points at `height`: linear between
+    neighbours.
+    """
+    return np.stack([np.interp(height, knots, np.eye(len(knots))[b]) for b in range(len(knots))],
+                    axis=1)

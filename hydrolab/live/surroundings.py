@@ -1,4 +1,6 @@
-"""What stands around the 3D machine: floor, axis, lights, views, names, and the orbit in its gap circle as an inset."""
+"""What stands around the 3D machine: floor, axis, lights, views, names, and the orbit in its gap
+circle as an inset.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,12 @@ from hydrolab.live.moving_orbit import gap_words
 from hydrolab.machine.parts import Machine
 
 INSET = 1.9  # units of the drawing: radius of the gap circle in the inset
-LENS = math.radians(36)  # vertical field of view: a longer lens than a page's usual 75 degrees bends the machine less
+# vertical field of view: a longer lens than a page's usual 75 degrees bends the machine less
+LENS = math.radians(36)
 
-LETTERS = 0.3  # units of the drawing: height of a name's letters, so that words and machine keep their places at any size
+# units of the drawing: height of a name's letters, so that words and machine keep their places at
+# any size
+LETTERS = 0.3
 RISE = 0.44  # rad; how far above the horizon the first view stands
 ASPECT = 1.3  # width over height of the picture that the views fill
 
@@ -29,7 +34,9 @@ Point = tuple[float, float, float]
 
 
 def inset_place(sizes: Sizes) -> NDArray:
-    """Centre of the inset, m: to the left in the first view, under the stator where there is room, beside it where not."""
+    """Centre of the inset, m: to the left in the first view, under the stator where there is room,
+    beside it where not.
+    """
     rise = (INSET + 1.4) * sizes.unit
     tucked = sizes.bottom + rise + (INSET + 1.2) * sizes.unit < sizes.top - 2 * sizes.height
     return (((INSET + 1.0) * sizes.unit + (0.62 if tucked else 1.2) * sizes.stator) * LEFT
@@ -37,7 +44,9 @@ def inset_place(sizes: Sizes) -> NDArray:
 
 
 def views_of(sizes: Sizes) -> dict[str, tuple[Point, Point]]:
-    """Camera position and the point it looks at, for each view: the machine, the air gap from above, the lower end."""
+    """Camera position and the point it looks at, for each view: the machine, the air gap from
+    above, the lower end.
+    """
     u, height = sizes.unit, sizes.top - sizes.bottom + 2.4 * sizes.unit
     distance = max(0.5 * height, 1.6 * sizes.stator) / math.tan(LENS / 2) * 1.2
 
@@ -51,14 +60,17 @@ def views_of(sizes: Sizes) -> dict[str, tuple[Point, Point]]:
 
 
 def fitted(view: tuple[Point, Point], aspect: float) -> tuple[Point, Point]:
-    """A view from so far away that a picture of this width over height, as on a telephone, shows all of it too."""
+    """A view from so far away that a picture of this width over height, as on a telephone, shows
+    all of it too.
+    """
     position, target = np.array(view)
     return tuple((target + max(1.0, ASPECT / aspect) * (position - target)).tolist()), view[1]
 
 
 def towards_view(rise: float) -> NDArray:
     """Unit vector towards the first view's side, at an angle above the horizon, rad."""
-    return np.array([math.cos(rise) * math.cos(AZIMUTH), math.cos(rise) * math.sin(AZIMUTH), math.sin(rise)])
+    return np.array([math.cos(rise) * math.cos(AZIMUTH), math.cos(rise) * math.sin(AZIMUTH),
+                     math.sin(rise)])
 
 
 def add_surroundings(server: ViserServer, sizes: Sizes, dark: bool) -> None:
@@ -68,25 +80,32 @@ def add_surroundings(server: ViserServer, sizes: Sizes, dark: bool) -> None:
     scene.configure_environment_map(None)
     scene.configure_default_lights(False)
     scene.add_light_ambient("/lights/ambient", intensity=0.7 if dark else 0.9)
-    scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255), ground_color=(170, 175, 190), intensity=0.9)
+    scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255),
+                               ground_color=(170, 175, 190), intensity=0.9)
     u = sizes.unit
     scene.add_light_directional("/lights/sun", intensity=2.1, cast_shadow=True,
-                                position=(5.0 * math.cos(AZIMUTH + 0.9), 5.0 * math.sin(AZIMUTH + 0.9), 12.0))
+                                position=(5.0 * math.cos(AZIMUTH + 0.9),
+                                          5.0 * math.sin(AZIMUTH + 0.9), 12.0))
     plane, cells, sections = (((40, 43, 50), (62, 66, 74), (84, 90, 100)) if dark else
                               ((244, 246, 248), (226, 230, 235), (202, 208, 215)))
-    scene.add_grid("/floor", 30.0 * u, 30.0 * u, cell_size=u, section_size=5.0 * u, cell_color=cells, section_color=sections,
-                   plane_color=plane, plane_opacity=1.0, position=(0.0, 0.0, sizes.bottom - 1.2 * u), shadow_opacity=0.16,
+    scene.add_grid("/floor", 30.0 * u, 30.0 * u, cell_size=u, section_size=5.0 * u,
+                   cell_color=cells, section_color=sections,
+                   plane_color=plane, plane_opacity=1.0,
+                   position=(0.0, 0.0, sizes.bottom - 1.2 * u), shadow_opacity=0.16,
                    fade_distance=46.0 * u, fade_strength=2.0)
     z = np.arange(sizes.bottom - 1.1 * u, sizes.top + 1.9 * u, 0.3 * u)
     dashes = np.zeros((len(z), 2, 3))
     dashes[:, 0, 2], dashes[:, 1, 2] = z, z + 0.17 * u
-    scene.add_line_segments("/axis", dashes.astype(np.float32), (190, 190, 190) if dark else (64, 64, 64), thickness=2.0,
+    scene.add_line_segments("/axis", dashes.astype(np.float32),
+                            (190, 190, 190) if dark else (64, 64, 64), thickness=2.0,
                             thickness_units="screen")
 
 
 @dataclass(frozen=True, eq=False)
 class Inset:
-    """The gap circle of `radius` m seen from above, x to the right and z up, with the orbit and a dot that moves on it."""
+    """The gap circle of `radius` m seen from above, x to the right and z up, with the orbit and a
+    dot that moves on it.
+    """
 
     server: ViserServer
     gap: float
@@ -98,22 +117,27 @@ class Inset:
         plain = {"side": "double", "cast_shadow": False, "receive_shadow": False}
         plate, bore = ((52, 57, 66), (150, 162, 178)) if dark else ((250, 251, 253), (34, 48, 68))
         r, add = self.radius, self.server.scene.add_mesh_simple
-        add("/inset/plate", *solids.ring(0.001 * r, r, -0.016 * r, -0.005 * r, steps=96), color=plate, opacity=0.92, **plain)
-        add("/inset/bore", *solids.ring(r, 1.07 * r, -0.03 * r, 0.02 * r, steps=96), color=bore, flat_shading=True, **plain)
+        add("/inset/plate", *solids.ring(0.001 * r, r, -0.016 * r, -0.005 * r, steps=96),
+            color=plate, opacity=0.92, **plain)
+        add("/inset/bore", *solids.ring(r, 1.07 * r, -0.03 * r, 0.02 * r, steps=96), color=bore,
+            flat_shading=True, **plain)
         cross = 0.06 * r * np.array([[[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]]])
-        self.server.scene.add_line_segments("/inset/centre", cross.astype(np.float32), bore, thickness=2.0,
+        self.server.scene.add_line_segments("/inset/centre", cross.astype(np.float32), bore,
+                                            thickness=2.0,
                                             thickness_units="screen")
 
     def draw(self, orbit: PeriodicOrbit, verdict: str) -> None:
         """Draw an orbit in the circle, in the colour of its verdict."""
         path = self.place(orbit.positions(2 * np.pi * np.arange(193) / 192) - orbit.centre[:, None])
         lines = np.stack([path[:-1], path[1:]], axis=1).astype(np.float32)
-        self.server.scene.add_line_segments("/inset/orbit", lines, rgb(COLOURS[verdict]), thickness=5.0,
+        self.server.scene.add_line_segments("/inset/orbit", lines, rgb(COLOURS[verdict]),
+                                            thickness=5.0,
                                             thickness_units="screen")
 
     def place(self, eccentricity: NDArray) -> NDArray:
         """Points of the inset for the rotor's place from the stator's centre, (2,) or (2, P), m."""
-        return np.stack([*(eccentricity * self.radius / self.gap), np.full(np.shape(eccentricity)[1:], 0.015 * self.radius)],
+        return np.stack([*(eccentricity * self.radius / self.gap),
+                         np.full(np.shape(eccentricity)[1:], 0.015 * self.radius)],
                         axis=-1)
 
 
@@ -121,9 +145,11 @@ def add_inset(server: ViserServer, sizes: Sizes, gap: float, dark: bool) -> Inse
     """The inset, facing the first view; nothing of it but the dot moves."""
     radius, right, facing = INSET * sizes.unit, -LEFT, towards_view(RISE)
     turn = np.column_stack([right, np.cross(facing, right), facing])
-    server.scene.add_frame("/inset", show_axes=False, wxyz=np.roll(Rotation.from_matrix(turn).as_quat(), 1),
+    server.scene.add_frame("/inset", show_axes=False,
+                           wxyz=np.roll(Rotation.from_matrix(turn).as_quat(), 1),
                            position=inset_place(sizes))
-    dot = server.scene.add_icosphere("/inset/dot", 0.045 * radius, color=rgb(COLOURS["unstable"]), cast_shadow=False)
+    dot = server.scene.add_icosphere("/inset/dot", 0.045 * radius, color=rgb(COLOURS["unstable"]),
+                                     cast_shadow=False)
     inset = Inset(server, gap, radius, dot)
     inset.dress(dark)
     return inset
@@ -131,7 +157,8 @@ def add_inset(server: ViserServer, sizes: Sizes, gap: float, dark: bool) -> Inse
 
 @dataclass(eq=False)
 class Names:
-    """The labels: names that can be switched off, the smallest gap, and the scale of the drawing."""
+    """The labels: names that can be switched off, the smallest gap, and the scale of the drawing.
+    """
 
     names: list[Any]
     gap: Any
@@ -147,10 +174,12 @@ class Names:
 
 
 def add_names(server: ViserServer, machine: Machine, sizes: Sizes, body_depths: NDArray) -> Names:
-    """Names of the parts to their right, the smallest gap above the inset, the scale at the foot."""
+    """Names of the parts to their right, the smallest gap above the inset, the scale at the foot.
+    """
     right, gap, names, u = -LEFT, machine.air_gap, [], sizes.unit
 
-    def label(path: str, text: str, place: NDArray, scale: float, anchor: str = "center-left") -> Any:
+    def label(path: str, text: str, place: NDArray, scale: float,
+              anchor: str = "center-left") -> Any:
         return server.scene.add_label(path, text, position=tuple(place.tolist()), anchor=anchor,
                                       font_size_mode="scene", font_scene_height=LETTERS * scale * u)
 
@@ -162,7 +191,8 @@ def add_names(server: ViserServer, machine: Machine, sizes: Sizes, body_depths: 
         name(body.name, right * reach + [0, 0, -depth])
     if machine.shaft is not None:
         for bearing in (*machine.bearings, *machine.thrust_bearings):
-            name(bearing.name, right * 5.4 * sizes.shaft + [0, 0, -float(machine.shaft.nodes[bearing.node])])
+            name(bearing.name, right * 5.4 * sizes.shaft
+                 + [0, 0, -float(machine.shaft.nodes[bearing.node])])
     foot = np.array([0.0, 0.0, sizes.bottom - 2.1 * u])
     scale = label("/scale", "", foot, 1.0, "top-center")
     if gap is None:
@@ -170,5 +200,7 @@ def add_names(server: ViserServer, machine: Machine, sizes: Sizes, body_depths: 
     inset = inset_place(sizes)
     name("stator, cut away", LEFT * 1.22 * sizes.stator + [0, 0, 0.2 * u], "center-right")
     name("arrow: magnetic pull", right * 0.35 * u + [0, 0, sizes.top + 1.1 * u])
-    name(f"orbit in its gap of {1e3 * gap.gap:.3g} mm", inset - [0, 0, (1.1 * INSET + 0.3) * u], "top-center")
-    return Names(names, label("/gap", "", inset + [0, 0, (1.1 * INSET + 0.2) * u], 1.55, "bottom-center"), scale)
+    name(f"orbit in its gap of {1e3 * gap.gap:.3g} mm", inset - [0, 0, (1.1 * INSET + 0.3) * u],
+         "top-center")
+    return Names(names, label("/gap", "", inset + [0, 0, (1.1 * INSET + 0.2) * u], 1.55,
+                              "bottom-center"), scale)

@@ -1,25 +1,31 @@
-r"""A guide bearing of separate pads with clearance: a pad pushes where the journal has crossed its clearance.
+r"""A guide bearing of separate pads with clearance: a pad pushes where the journal has crossed its
+clearance.
 
-F = −k Σ_j p(n_j · u − c) n_j over pads in the directions n_j, with p(d) = d for d > 0 and 0 otherwise. The corner is
-rounded over a distance b, p(d) = (d + √(d² + b²))/2, as surfaces that meet are rounded, so that Newton's method has a
-derivative. It has a potential, so it neither damps nor drives. The set-up of guide bearings with radial pads is
-described by Gustavsson and Aidanpää (2006) and in ISO 20816-5; this law of dry, frictionless pads is the simplest of it.
+F = −k Σ_j p(n_j · u − c) n_j over pads in the directions n_j, with p(d) = d for d > 0 and 0
+otherwise. The corner is rounded over a distance b, p(d) = (d + √(d² + b²))/2, as surfaces that meet
+are rounded, so that Newton's method has a derivative. It has a potential, so it neither damps nor
+drives. The set-up of guide bearings with radial pads is described by Gustavsson and Aidanpää (2006)
+and in ISO 20816-5; this law of dry, frictionless pads is the simplest of it.
 
 A short journal film with cavitation (the π-film), in closed form.
 
-In a bearing much shorter than its diameter oil flows along the axis only (Dubois and Ocvirk 1953). The Reynolds
-equation then integrates to F = −C ∫ (w·n) n / (1 − x·n)³ dφ with C = µ R L³/c³, x = u/c, n = (sin φ, cos φ) and
-w = u̇ + (Ω/2)(−z, x): the velocity of the journal seen from axes that turn at half the speed. Oil bears no tension, so
-only the half of the circumference with w·n > 0 counts. Everything follows from one integral over that half,
+In a bearing much shorter than its diameter oil flows along the axis only (Dubois and Ocvirk 1953).
+The Reynolds equation then integrates to F = −C ∫ (w·n) n / (1 − x·n)³ dφ with C = µ R L³/c³, x =
+u/c, n = (sin φ, cos φ) and w = u̇ + (Ω/2)(−z, x): the velocity of the journal seen from axes that
+turn at half the speed. Oil bears no tension, so only the half of the circumference with w·n > 0
+counts. Everything follows from one integral over that half,
 
-G(p, q) = ∫ dθ / (1 − p cos θ − q sin θ) = (2/r) A,  A = π/2 + arctan(p/r),  r² = 1 − p² − q²,  |θ| < π/2,
+G(p, q) = ∫ dθ / (1 − p cos θ − q sin θ) = (2/r) A,  A = π/2 + arctan(p/r),  r² = 1 − p² − q²,  |θ|
+< π/2,
 
-with p and q the parts of x along w and a quarter turn on: F = −(C/2) ∂²G/∂x² w. The same force is given in other
-letters by Capone (1991); Adiletta, Guido and Rossi (1996) print it.
+with p and q the parts of x along w and a quarter turn on: F = −(C/2) ∂²G/∂x² w. The same force is
+given in other letters by Capone (1991); Adiletta, Guido and Rossi (1996) print it.
 
-Linear supports of a shaft, and the damping of the whole machine: frozen, validated on construction, in SI units.
+Linear supports of a shaft, and the damping of the whole machine: frozen, validated on construction,
+in SI units.
 
-Parts that act nonlinearly on their own coordinates: a bearing of pads, a journal film, a cracked shaft element.
+Parts that act nonlinearly on their own coordinates: a bearing of pads, a journal film, a cracked
+shaft element.
 
 Frozen and validated like the other parts, in SI units; `attach` makes force laws of them.
 """
@@ -43,8 +49,9 @@ from hydrolab.machine.quantities import bearing_matrix, nickname, number, shown,
 class Pads:
     """Force of `count` equal pads at equal angles on a journal at u = (x, z).
 
-    stiffness: of one pad, N/m. clearance: of each, m; negative is a preload. angle: gap angle of the first pad, rad.
-    rounding: b, m. reference: stiffness of the linear bearing in the model's matrix, N/m, which this law takes back.
+    stiffness: of one pad, N/m. clearance: of each, m; negative is a preload. angle: gap angle of
+    the first pad, rad. rounding: b, m. reference: stiffness of the linear bearing in the model's
+    matrix, N/m, which this law takes back.
     """
 
     moving: ClassVar[bool] = False
@@ -67,7 +74,9 @@ class Pads:
         return self.count * self.stiffness / 2
 
     def _pressed(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Directions (2, count); how far the journal is beyond each clearance, and the rounded hypotenuse, (…, count)."""
+        """Directions (2, count); how far the journal is beyond each clearance, and the rounded
+        hypotenuse, (…, count).
+        """
         n = self.directions
         beyond = np.tensordot(u, n, axes=(0, 0)) - self.clearance
         return n, beyond, np.hypot(beyond, self.rounding)
@@ -100,7 +109,8 @@ class ShortFilm:
     """Force of a cavitated short film on a journal at u = (x, z) that moves with u̇, at a speed Ω.
 
     damping: C = µ R L³/c³, N s/m. clearance: radial, c, m; outside it the force is nan.
-    reference: stiffness of the linear bearing in the model's matrix, N/m, which this law takes back.
+    reference: stiffness of the linear bearing in the model's matrix, N/m, which this law takes
+    back.
     """
 
     moving: ClassVar[bool] = True
@@ -117,8 +127,11 @@ class ShortFilm:
         turned = np.stack([m[1], -m[0]])
         return size, m, turned, (u * m).sum(axis=0) / self.clearance, (u * turned).sum(axis=0) / self.clearance
 
-    def force_at(self, u: NDArray, velocity: NDArray, phase: NDArray | float, speed: float) -> NDArray:
-        """Force on the journal, N; shape of u. velocity: m/s. speed: rad/s. The phase does not matter."""
+    def force_at(self, u: NDArray, velocity: NDArray, phase: NDArray | float,
+                 speed: float) -> NDArray:
+        """Force on the journal, N; shape of u. velocity: m/s. speed: rad/s. The phase does not
+        matter.
+        """
         size, m, turned, p, q = self._squeeze(u, velocity, speed)
         pp, pq, _ = second_derivatives(p, q)
         return self.reference * u - self.damping / 2 * size * (pp * m + pq * turned)
@@ -156,20 +169,27 @@ def _parts(p: NDArray, q: NDArray) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def second_derivatives(p: NDArray, q: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """G_pp, G_pq, G_qq: twice the integrals of (cos², cos sin, sin²)/(1 − p cos θ − q sin θ)³ over the half."""
+    """G_pp, G_pq, G_qq: twice the integrals of (cos², cos sin, sin²)/(1 − p cos θ − q sin θ)³ over
+    the half.
+    """
     s, A, B = _parts(p, q)
     pp = 2 * (3 * p * s**4 + A * (s**3 + 3 * p * p * s**5))
     pq = 2 * (q * (p * p * B + 2) * s**4 + 3 * A * p * q * s**5)
-    qq = 2 * (A * (s**3 + 3 * q * q * s**5) + 3 * p * q * q * B * s**4 + p * B * (1 + 2 * q * q * B) * s**2)
+    qq = 2 * (A * (s**3 + 3 * q * q * s**5) + 3 * p * q * q * B * s**4 + p * B
+              * (1 + 2 * q * q * B) * s**2)
     return pp, pq, qq
 
 
 def third_derivatives(p: NDArray, q: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """G_ppp, G_ppq, G_pqq: six times the integrals of (cos³, cos² sin, cos sin²)/(1 − p cos θ − q sin θ)⁴."""
+    """G_ppp, G_ppq, G_pqq: six times the integrals of (cos³, cos² sin, cos sin²)/(1 − p cos θ − q
+    sin θ)⁴.
+    """
     s, A, B = _parts(p, q)
     ppp = 2 * (4 * s**4 + 15 * p * p * s**6 + A * (9 * p * s**5 + 15 * p**3 * s**7))
-    ppq = 2 * (12 * p * q * s**6 + p * q * B * (s**4 + 3 * p * p * s**6) + A * (3 * q * s**5 + 15 * p * p * q * s**7))
-    pqq = 2 * ((p * p * B + 2) * s**4 + 2 * (p * q * B) ** 2 * s**4 + 4 * q * q * (p * p * B + 2) * s**6
+    ppq = 2 * (12 * p * q * s**6 + p * q * B * (s**4 + 3 * p * p * s**6) + A
+               * (3 * q * s**5 + 15 * p * p * q * s**7))
+    pqq = 2 * ((p * p * B + 2) * s**4 + 2 * (p * q * B) ** 2 * s**4 + 4 * q * q * (p * p * B + 2)
+               * s**6
                + 3 * B * (p * q) ** 2 * s**6 + A * (3 * p * s**5 + 15 * p * q * q * s**7))
     return ppp, ppq, pqq
 
@@ -188,7 +208,8 @@ class RadialBearing:
 
     def __post_init__(self) -> None:
         key = f"bearings.{nickname('the name of a bearing', self.name)}"
-        object.__setattr__(self, "stiffness", bearing_matrix(f"{key}.stiffness", self.stiffness, "N/m"))
+        object.__setattr__(self, "stiffness",
+                           bearing_matrix(f"{key}.stiffness", self.stiffness, "N/m"))
         object.__setattr__(self, "damping", bearing_matrix(f"{key}.damping", self.damping, "N s/m"))
 
 
@@ -202,12 +223,14 @@ class ThrustBearing:
 
     def __post_init__(self) -> None:
         key = f"bearings.{nickname('the name of a bearing', self.name)}.tilt_stiffness"
-        object.__setattr__(self, "tilt_stiffness", number(key, self.tilt_stiffness, least=0, unit="N m/rad"))
+        object.__setattr__(self, "tilt_stiffness",
+                           number(key, self.tilt_stiffness, least=0, unit="N m/rad"))
 
 
 @dataclass(frozen=True)
 class RayleighDamping:
-    """C = αM + βK with the given damping ratios in the first and the second distinct mode at rest."""
+    """C = αM + βK with the given damping ratios in the first and the second distinct mode at rest.
+    """
 
     ratio: tuple[float, float]
 
@@ -220,7 +243,8 @@ class RayleighDamping:
         object.__setattr__(self, "ratio", checked)
 
 
-DEEPEST = 0.45  # of the diameter; the strips of the flexibility's integral end in the middle of the section
+# of the diameter; the strips of the flexibility's integral end in the middle of the section
+DEEPEST = 0.45
 BREATHING = ("hinge", "open")
 STIFF = 5  # so that the linear answer, from which a solver starts, lies within the clearance
 
@@ -229,9 +253,10 @@ STIFF = 5  # so that the linear answer, from which a solver starts, lies within 
 class PadBearing:
     """A guide bearing of separate pads with clearance (`Pads`): dry contact, no friction.
 
-    pads: how many, at equal angles. pad_stiffness: of each, N/m. clearance: between each and the resting journal, m;
-    negative is a preload. angle: gap angle of the first pad, rad. rounding: distance over which contact begins softly,
-    m; 0 stands for a tenth of the clearance, or of a millimetre where there is no clearance.
+    pads: how many, at equal angles. pad_stiffness: of each, N/m. clearance: between each and the
+    resting journal, m; negative is a preload. angle: gap angle of the first pad, rad. rounding:
+    distance over which contact begins softly, m; 0 stands for a tenth of the clearance, or of a
+    millimetre where there is no clearance.
     """
 
     name: str
@@ -245,14 +270,18 @@ class PadBearing:
     def __post_init__(self) -> None:
         key = f"bearings.{nickname('the name of a bearing', self.name)}"
         put = object.__setattr__
-        put(self, "pads", whole(f"{key}.pads", self.pads, 3, 64, "with fewer than 3 the journal can slip out between"))
-        put(self, "pad_stiffness", number(f"{key}.pad_stiffness", self.pad_stiffness, above=0, unit="N/m"))
+        put(self, "pads", whole(f"{key}.pads", self.pads, 3, 64, "with fewer than 3 the journal "
+                                "can slip out between"))
+        put(self, "pad_stiffness", number(f"{key}.pad_stiffness", self.pad_stiffness, above=0,
+                                          unit="N/m"))
         put(self, "clearance", number(f"{key}.clearance", self.clearance, unit="m"))
         put(self, "angle", number(f"{key}.angle", self.angle, unit="rad"))
         put(self, "rounding", number(f"{key}.rounding", self.rounding, least=0, unit="m"))
 
     def law(self) -> Pads:
-        """The bearing's law, which takes back the linear bearing of its closed stiffness in the model's matrix."""
+        """The bearing's law, which takes back the linear bearing of its closed stiffness in the
+        model's matrix.
+        """
         rounding = self.rounding or 0.1 * (abs(self.clearance) or 1e-3)
         closed = self.pads * self.pad_stiffness / 2
         return Pads(self.pad_stiffness, self.clearance, self.pads, self.angle, rounding, closed)
@@ -262,7 +291,8 @@ class PadBearing:
 class JournalFilm:
     """A short journal bearing with a cavitated oil film (`ShortFilm`).
 
-    viscosity: µ, Pa s. journal_radius: R, m. film_length: L along the axis, m. clearance: radial, m.
+    viscosity: µ, Pa s. journal_radius: R, m. film_length: L along the axis, m. clearance: radial,
+    m.
     """
 
     name: str
@@ -279,14 +309,18 @@ class JournalFilm:
         for name in ("journal_radius", "film_length", "clearance"):
             put(self, name, number(f"{key}.{name}", getattr(self, name), above=0, unit="m"))
         if self.clearance > 0.1 * self.journal_radius:
-            raise BadInput(f"{key}.clearance is {self.clearance:g} m; a film is thin, so it must be at most a tenth of "
+            raise BadInput(f"{key}.clearance is {self.clearance:g} m; a film is thin, so it must "
+                           "be at most a tenth of "
                            f"{key}.journal_radius, {self.journal_radius:g} m.")
         if self.film_length > 2 * self.journal_radius:
-            raise BadInput(f"{key}.film_length is {self.film_length:g} m; the short film holds for bearings no longer "
+            raise BadInput(f"{key}.film_length is {self.film_length:g} m; the short film holds for "
+                           "bearings no longer "
                            f"than their diameter, {2 * self.journal_radius:g} m.")
 
     def law(self, speed: float) -> ShortFilm:
-        """The film's law; the reference it takes back is STIFF times its cross stiffness in the middle at this speed."""
+        """The film's law; the reference it takes back is STIFF times its cross stiffness in the
+        middle at this speed.
+        """
         damping = self.viscosity * self.journal_radius * (self.film_length / self.clearance) ** 3
         return ShortFilm(damping, self.clearance, STIFF * math.pi / 4 * damping * speed)
 
@@ -295,10 +329,10 @@ class JournalFilm:
 class Crack:
     """A transverse crack in the middle of a shaft element (`BreathingCrack`).
 
-    element: counted from the shaft top, from 0. depth: of the crack at its deepest, over the diameter.
-    phase: angle of the crack from the direction of an unbalance of phase 0, rad, with the spin.
-    breathing: "hinge" opens and closes with the bending, "open" is a slot. rounding_angle: the angle between the
-    element's ends over which it opens, rad.
+    element: counted from the shaft top, from 0. depth: of the crack at its deepest, over the
+    diameter. phase: angle of the crack from the direction of an unbalance of phase 0, rad, with the
+    spin. breathing: "hinge" opens and closes with the bending, "open" is a slot. rounding_angle:
+    the angle between the element's ends over which it opens, rad.
     """
 
     name: str
@@ -311,17 +345,25 @@ class Crack:
     def __post_init__(self) -> None:
         key = f"cracks.{nickname('the name of a crack', self.name)}"
         put = object.__setattr__
-        put(self, "element", whole(f"{key}.element", self.element, 0, 10_000, "elements are counted from 0 at the top"))
+        put(self, "element", whole(f"{key}.element", self.element, 0, 10_000,
+                                   "elements are counted from 0 at the top"))
         put(self, "depth", number(f"{key}.depth", self.depth, least=0))
         if self.depth > DEEPEST:
-            raise BadInput(f"{key}.depth is {self.depth:g}; the flexibility is known up to {DEEPEST:g} of the diameter.")
+            raise BadInput(f"{key}.depth is {self.depth:g}; the flexibility is known up to "
+                           f"{DEEPEST:g} of the diameter.")
         put(self, "phase", number(f"{key}.phase", self.phase, unit="rad"))
-        put(self, "rounding_angle", number(f"{key}.rounding_angle", self.rounding_angle, above=0, unit="rad"))
+        put(self, "rounding_angle", number(f"{key}.rounding_angle", self.rounding_angle, above=0,
+                                           unit="rad"))
         if self.breathing not in BREATHING:
-            raise BadInput(f"{key}.breathing is {shown(self.breathing)}; it must be one of {', '.join(BREATHING)}.")
+            raise BadInput(f"{key}.breathing is {shown(self.breathing)}; it must be one of "
+                           f"{', '.join(BREATHING)}.")
 
-    def law(self, young: float, poisson: float, diameter: float, rigidity: float, length: float) -> BreathingCrack:
-        """The crack's law in an element of a solid round shaft. rigidity: EI, N m². length: of the element, m."""
+    def law(self, young: float, poisson: float, diameter: float, rigidity: float,
+            length: float) -> BreathingCrack:
+        """The crack's law in an element of a solid round shaft. rigidity: EI, N m². length: of the
+        element, m.
+        """
         flexibility = crack_flexibility(self.depth, young, poisson, diameter / 2)
-        return BreathingCrack(stiffness_loss(rigidity, length, flexibility), self.phase, self.rounding_angle,
+        return BreathingCrack(stiffness_loss(rigidity, length, flexibility), self.phase,
+                              self.rounding_angle,
                               self.breathing == "hinge")

@@ -1,14 +1,17 @@
-"""What a machine card may hold: its tables and keys, units and sources, and the sentences about what it may not.
+"""What a machine card may hold: its tables and keys, units and sources, and the sentences about
+what it may not.
 
-A number of a card is an inline table with value, unit and source (`entry_of`); the tables are `Section`s.
+A number of a card is an inline table with value, unit and source (`entry_of`); the tables are
+`Section`s.
 
 Machine cards: a machine in TOML, every number with its unit and its source, read into a `Machine`.
 
-A number of a card is an inline table, `mass = { value = 110, unit = "t", source = "calibrated", note = "…" }`; the
-note is optional. Bearings are radial, thrust, of pads with clearance or with a film, by the number that tells
-(`card_keys.BEARINGS`); `[[cracks]]` are in shaft elements. Copy a shipped card (`card_text`), edit it, and load it by
-its path. A card is data and nothing of it is ever executed. A bad card raises `BadInput` with one sentence that names
-the key, its value and what is allowed.
+A number of a card is an inline table, `mass = { value = 110, unit = "t", source = "calibrated",
+note = "…" }`; the note is optional. Bearings are radial, thrust, of pads with clearance or with a
+film, by the number that tells (`card_keys.BEARINGS`); `[[cracks]]` are in shaft elements. Copy a
+shipped card (`card_text`), edit it, and load it by its path. A card is data and nothing of it is
+ever executed. A bad card raises `BadInput` with one sentence that names the key, its value and what
+is allowed.
 
 The same machine with one number changed.
 """
@@ -56,12 +59,15 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "rad": {"rad": (1, 1), "deg": (math.pi, 180)},
     "Pa": {"Pa": (1, 1), "GPa": (1_000_000_000, 1)},
     "1": {"1": (1, 1), "%": (1, 100)},
-}  # SI unit → accepted unit → (a, b) with SI value = value · a / b; what is not listed is accepted in SI only
+# SI unit → accepted unit → (a, b) with SI value = value · a / b; what is not listed is accepted in
+# SI only
+}
 
 
 @dataclass(frozen=True)
 class Section:
-    """What a table of a card holds: plain keys with their type, and numbers that must or may be there.
+    """What a table of a card holds: plain keys with their type, and numbers that must or may be
+    there.
 
     choices: plain keys with their type that may be left out.
     """
@@ -73,11 +79,14 @@ class Section:
 
 
 CARD = Section({"schema": int, "name": str}, ("speed",))
-OTHERS = ("title", "about", "shaft", "bodies", "bearings", "damping", "air_gap", "cracks", "poles", "shapes")  # all optional
-SHAFT = Section({"element": str}, ("nodes", "diameter", "young", "density", "poisson", "shear_coefficient"),
+OTHERS = ("title", "about", "shaft", "bodies", "bearings", "damping", "air_gap", "cracks", "poles",
+          "shapes")  # all optional
+SHAFT = Section({"element": str}, ("nodes", "diameter", "young", "density", "poisson",
+                                   "shear_coefficient"),
                 ("inner_diameter",))
 BODY = Section({"name": str, "node": int}, ("mass", "Id", "Ip"), ("offset", "unbalance", "phase"))
-POINT_MASS = replace(BODY, required=("mass",), optional=("Id", "Ip", *BODY.optional))  # without a shaft nothing tilts
+# without a shaft nothing tilts
+POINT_MASS = replace(BODY, required=("mass",), optional=("Id", "Ip", *BODY.optional))
 RADIAL = Section({"name": str, "node": int}, ("stiffness",), ("damping",))
 ZEROS = {"Id": 0.0, "Ip": 0.0}  # of a point mass
 THRUST = Section({"name": str, "node": int}, ("tilt_stiffness",))
@@ -85,12 +94,16 @@ DAMPING = Section({}, ("ratio",))
 NUMBER = Section({"unit": str, "source": str})
 AIR_GAP = Section({"body": str}, ("field", "mean_radius", "length", "gap"), ("tangential",),
                   {"tilt": bool, "linear": bool})
-POLES = Section({"pole_pairs": int}, (), ("electrical_ratio", "pole_angle", "backward", "backward_angle", "stator_mmf",
+POLES = Section({"pole_pairs": int}, (), ("electrical_ratio", "pole_angle", "backward",
+                                          "backward_angle", "stator_mmf",
                                           "load_angle"), {"series": str})
 SHAPE = Section({"name": str, "of": str, "order": int}, ("size",), ("angle",))
-PADS = Section({"name": str, "node": int, "pads": int}, ("pad_stiffness", "clearance"), ("angle", "rounding"))
-FILM = Section({"name": str, "node": int}, ("viscosity", "journal_radius", "film_length", "clearance"))
-CRACK = Section({"name": str, "element": int}, ("depth",), ("phase", "rounding_angle"), {"breathing": str})
+PADS = Section({"name": str, "node": int, "pads": int}, ("pad_stiffness", "clearance"),
+               ("angle", "rounding"))
+FILM = Section({"name": str, "node": int}, ("viscosity", "journal_radius", "film_length",
+                                            "clearance"))
+CRACK = Section({"name": str, "element": int}, ("depth",), ("phase", "rounding_angle"),
+                {"breathing": str})
 BEARINGS: dict[str, tuple[Section, type, str]] = {
     "stiffness": (RADIAL, RadialBearing, "a radial bearing"),
     "tilt_stiffness": (THRUST, ThrustBearing, "a thrust bearing"),
@@ -108,7 +121,8 @@ def check_schema(card: Any) -> None:
         raise BadInput(f"schema is missing; a card begins with schema = {SCHEMA}.")
     schema = card["schema"]
     if isinstance(schema, int) and not isinstance(schema, bool) and schema > SCHEMA:
-        raise BadInput(f"schema is {shown(schema)}; this hydrolab reads schema {SCHEMA}, so it needs a newer hydrolab "
+        raise BadInput(f"schema is {shown(schema)}; this hydrolab reads schema {SCHEMA}, so it "
+                       "needs a newer hydrolab "
                        "or a card made for this one.")
     if schema != SCHEMA or not isinstance(schema, int) or isinstance(schema, bool):
         raise BadInput(f"schema is {shown(schema)}; it must be the whole number {SCHEMA}.")
@@ -118,8 +132,10 @@ def tables_of(key: str, card: Mapping) -> list[tuple[str, Mapping]]:
     """The tables of a list, each with its dotted key, which holds its name."""
     tables = card.get(key, [])
     if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
-        raise BadInput(f"{key} is {shown(tables)}; it must be a list of tables, each opened by [[{key}]].")
-    return [(f"{key}.{nickname(f'{key}[{i}].name', table['name'])}" if "name" in table else f"{key}[{i}]", table)
+        raise BadInput(f"{key} is {shown(tables)}; it must be a list of tables, each opened by "
+                       f"[[{key}]].")
+    return [(f"{key}.{nickname(f'{key}[{i}].name', table['name'])}" if "name" in table
+             else f"{key}[{i}]", table)
             for i, table in enumerate(tables)]
 
 
@@ -130,13 +146,16 @@ def kind_of_bearing(key: str, bearing: Mapping) -> tuple[Section, type]:
         kinds = "; ".join(f"{BEARINGS[k][2]} has {k}" for k in told)
         raise BadInput(f"{key} has both {' and '.join(told)}: {kinds}; write two bearings.")
     if not told:
-        raise BadInput(f"{key} has neither {' nor '.join(f'{k} ({what})' for k, (_, _, what) in BEARINGS.items())}; add "
+        raise BadInput(f"{key} has neither "
+                       f"{' nor '.join(f'{k} ({what})' for k, (_, _, what) in BEARINGS.items())}; "
+                       "add "
                        f"stiffness = {_example('stiffness')}, or one of the others.")
     return BEARINGS[told[0]][:2]
 
 
 def check_keys(key: str, table: Any, section: Section, also: tuple[str, ...] = ()) -> None:
-    """Raise BadInput where a table has a key too many or too few, or plain keys of the wrong type."""
+    """Raise BadInput where a table has a key too many or too few, or plain keys of the wrong type.
+    """
     where = key or "the card"
     if not isinstance(table, Mapping):
         raise BadInput(f"{key} is {shown(table)}; it must be one table, opened by [{key}].")
@@ -144,18 +163,22 @@ def check_keys(key: str, table: Any, section: Section, also: tuple[str, ...] = (
     known = [*section.plain, *section.required, *section.optional, *section.choices, *also]
     for unknown in (k for k in table if k not in known):
         near = get_close_matches(str(unknown), known, 1)
-        raise BadInput(f"{dot}{shown(unknown).strip(chr(39))} = {shown(table[unknown])} is not a key of {where}; "
-                       f"{f'the nearest is {near[0]}, ' if near else ''}allowed are {', '.join(dict.fromkeys(known))}.")
+        raise BadInput(f"{dot}{shown(unknown).strip(chr(39))} = {shown(table[unknown])} is not a "
+                       f"key of {where}; "
+                       f"{f'the nearest is {near[0]}, ' if near else ''}allowed are "
+                       f"{', '.join(dict.fromkeys(known))}.")
     for k, kind in (*section.plain.items(), *section.choices.items()):
         if k not in table and k in section.choices:
             continue
         if k not in table:
-            raise BadInput(f"{dot}{k} is missing; {where} needs {', '.join([*section.plain, *section.required])}.")
+            raise BadInput(f"{dot}{k} is missing; {where} needs "
+                           f"{', '.join([*section.plain, *section.required])}.")
         if not isinstance(table[k], kind) or isinstance(table[k], bool) > (kind is bool):
             raise BadInput(f"{dot}{k} is {shown(table[k])}; it must be {KINDS[kind]}.")
     for k in section.required:
         if k not in table:
-            raise BadInput(f"{dot}{k} is missing; {where} needs {', '.join([*section.plain, *section.required])}, "
+            raise BadInput(f"{dot}{k} is missing; {where} needs "
+                           f"{', '.join([*section.plain, *section.required])}, "
                            f"so add {k} = {_example(k)}.")
 
 
@@ -178,7 +201,8 @@ def entry_of(key: str, table: Any) -> Entry:
         raise BadInput(f"{key}.value is missing; write a number as {k} = {_example(k)}.")
     for part, allowed in (("unit", units_of(k)), ("source", SOURCES)):
         if table[part] not in allowed:
-            raise BadInput(f"{key}.{part} is {shown(table[part])}; it must be one of {', '.join(allowed)}.")
+            raise BadInput(f"{key}.{part} is {shown(table[part])}; it must be one of "
+                           f"{', '.join(allowed)}.")
     a, b = units_of(k)[table["unit"]]
 
     def si(value: Any, depth: int) -> Any:
@@ -186,7 +210,8 @@ def entry_of(key: str, table: Any) -> Entry:
             return [si(v, depth - 1) for v in value]
         return number(key, value, unit=table["unit"] if table["unit"] != "1" else "") * a / b
 
-    return Entry(table["value"], table["unit"], table["source"], prose(f"{key}.note", table.get("note", "")),
+    return Entry(table["value"], table["unit"], table["source"],
+                 prose(f"{key}.note", table.get("note", "")),
                  si(table["value"], 2))
 
 
@@ -198,9 +223,12 @@ def prose(key: str, text: Any) -> str:
 
 
 def as_stated(sentence: str, entries: Mapping[str, Entry]) -> str:
-    """The sentence about a part, with the value as the card states it where that is in another unit."""
+    """The sentence about a part, with the value as the card states it where that is in another
+    unit.
+    """
     for key, entry in entries.items():
-        if sentence.startswith((f"{key} ", f"{key}[")) and entry.unit != SI_UNITS[key.rpartition(".")[2]]:
+        if sentence.startswith((f"{key} ",
+                                f"{key}[")) and entry.unit != SI_UNITS[key.rpartition(".")[2]]:
             return f"{sentence[:-1]}; the card says {shown(entry.value)} {entry.unit}."
     return sentence
 
@@ -210,7 +238,8 @@ LARGEST_CARD = 2_000_000  # bytes
 
 def card_names() -> list[str]:
     """Return the names of the cards that ship with hydrolab."""
-    return sorted(card.name.removesuffix(".toml") for card in _shipped().iterdir() if card.name.endswith(".toml"))
+    return sorted(card.name.removesuffix(".toml") for card in _shipped().iterdir()
+                  if card.name.endswith(".toml"))
 
 
 def card_text(name: str) -> str:
@@ -219,12 +248,14 @@ def card_text(name: str) -> str:
     Raises BadInput if no card has this name.
     """
     if name not in card_names():
-        raise BadInput(f"{shown(name)} is not a shipped card; {_choice(name)}, and the path of your own ends in .toml.")
+        raise BadInput(f"{shown(name)} is not a shipped card; {_choice(name)}, and the path of "
+                       "your own ends in .toml.")
     return (_shipped() / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def read_card(name_or_path: str | Path) -> dict[str, Any]:
-    """Return a card as nested dicts and lists, as it stands in the file: to edit, and to pass to `write_card`.
+    """Return a card as nested dicts and lists, as it stands in the file: to edit, and to pass to
+    `write_card`.
 
     Raises BadInput if there is no such card or it is not TOML.
     """
@@ -232,18 +263,22 @@ def read_card(name_or_path: str | Path) -> dict[str, Any]:
     text = _read(Path(name_or_path)) if own else card_text(name_or_path)
     if any(piece.count(".") > 100 for line in text.splitlines() for piece in line.split(",")):
         # tomllib would take minutes over a key of thousands of dots
-        raise BadInput(f"{shown(str(name_or_path))} is no card: a line has more than 100 dots without a comma.")
+        raise BadInput(f"{shown(str(name_or_path))} is no card: a line has more than 100 dots "
+                       "without a comma.")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{shown(str(name_or_path))} is not TOML: {_reason(error)}.") from None
-    except (ValueError, RecursionError):  # a number of thousands of digits, brackets a thousand deep
-        raise BadInput(f"{shown(str(name_or_path))} is not TOML that can be read: a number is too long or "
+    # a number of thousands of digits, brackets a thousand deep
+    except (ValueError, RecursionError):
+        raise BadInput(f"{shown(str(name_or_path))} is not TOML that can be read: a number is too "
+                       "long or "
                        "brackets are too deep.") from None
 
 
 def load_machine(name_or_path: str | Path) -> Machine:
-    """Return the machine of a shipped card (by its name) or of your own (a path that ends in .toml).
+    """Return the machine of a shipped card (by its name) or of your own (a path that ends in
+    .toml).
 
     Raises BadInput with one sentence if the card cannot be found, read or is no possible machine.
     """
@@ -266,13 +301,16 @@ def machine_from_card(card: Mapping[str, Any]) -> Machine:
 
     def part(key: str, table: Any, section: Section, make: Callable[..., Any]) -> Any:
         check_keys(key, table, section)
-        found = {k: entry_of(f"{key}.{k}", table[k]) for k in (*section.required, *section.optional) if k in table}
+        found = {k: entry_of(f"{key}.{k}", table[k])
+                 for k in (*section.required, *section.optional) if k in table}
         try:
             plain = {k: table[k] for k in (*section.plain, *section.choices) if k in table}
             made = make(**plain, **{k: entry.si for k, entry in found.items()})
         except BadInput as error:
-            raise BadInput(as_stated(str(error), {f"{key}.{k}": entry for k, entry in found.items()})) from None
-        entries.update({f"{key}.{k}": replace(entry, si=getattr(made, k)) for k, entry in found.items()})
+            raise BadInput(as_stated(str(error),
+                                     {f"{key}.{k}": entry for k, entry in found.items()})) from None
+        entries.update({f"{key}.{k}": replace(entry, si=getattr(made, k))
+                        for k, entry in found.items()})
         return made
 
     def table(key: str, section: Section, make: Callable[..., Any]) -> Any:
@@ -280,7 +318,8 @@ def machine_from_card(card: Mapping[str, Any]) -> Machine:
 
     shaft = table("shaft", SHAFT, Shaft)
     body_section = BODY if shaft else POINT_MASS
-    bodies = tuple(part(key, body, body_section, partial(RigidBody, **ZEROS)) for key, body in tables_of("bodies", card))
+    bodies = tuple(part(key, body, body_section, partial(RigidBody, **ZEROS))
+                   for key, body in tables_of("bodies", card))
     bearings: dict[type, list] = {kind: [] for _, kind, _ in BEARINGS.values()}
     for key, bearing in tables_of("bearings", card):
         section, kind = kind_of_bearing(key, bearing)
@@ -291,15 +330,18 @@ def machine_from_card(card: Mapping[str, Any]) -> Machine:
     damping, air_gap = table("damping", DAMPING, RayleighDamping), table("air_gap", AIR_GAP, AirGap)
     try:
         return Machine(
-            card["name"], speed.si, shaft, bodies, tuple(bearings[RadialBearing]), tuple(bearings[ThrustBearing]), damping,
-            air_gap, prose("title", card.get("title", "")), entries, prose("about", card.get("about", "")),
+            card["name"], speed.si, shaft, bodies, tuple(bearings[RadialBearing]),
+            tuple(bearings[ThrustBearing]), damping,
+            air_gap, prose("title", card.get("title", "")), entries,
+            prose("about", card.get("about", "")),
             tuple(bearings[PadBearing]), tuple(bearings[JournalFilm]), cracks, poles, shapes)
     except BadInput as error:
         raise BadInput(as_stated(str(error), entries)) from None
 
 
 def write_card(card: Mapping[str, Any], path: str | Path) -> Machine:
-    """Write a card from nested dicts and lists, in which a number is an `Entry` or a dict; return its machine.
+    """Write a card from nested dicts and lists, in which a number is an `Entry` or a dict; return
+    its machine.
 
     The card is checked first, so what is written can be loaded. Raises BadInput where it cannot.
     """
@@ -310,7 +352,9 @@ def write_card(card: Mapping[str, Any], path: str | Path) -> Machine:
             return [numeral(v) for v in value]
         if not isinstance(value, float) or value == 0 or 1e-3 <= abs(value) < 1e5:
             return value
-        return tomlkit.value(min(repr(value), np.format_float_scientific(value, trim="-", exp_digits=1), key=len))
+        return tomlkit.value(min(repr(value),
+                                 np.format_float_scientific(value, trim="-", exp_digits=1),
+                                 key=len))
 
     def item(value: Any) -> Any:
         if isinstance(value, dict) and "value" in value:
@@ -327,7 +371,8 @@ def write_card(card: Mapping[str, Any], path: str | Path) -> Machine:
     machine = machine_from_card(card)
     text = tomlkit.dumps(item(card))
     if tomllib.loads(text) != card:
-        raise BadInput(f"the card {machine.name} cannot be written as TOML without a change; simplify its texts.")
+        raise BadInput(f"the card {machine.name} cannot be written as TOML without a change; "
+                       "simplify its texts.")
     try:
         Path(path).write_text(text, encoding="utf-8")
     except (OSError, ValueError) as error:
@@ -347,18 +392,21 @@ def _shipped():
 
 def _choice(name: Any) -> str:
     near = get_close_matches(name, card_names(), 1, 0.3) if isinstance(name, str) else []
-    return f"shipped are {', '.join(card_names())}" + (f" (the nearest is {near[0]})" if near else "")
+    return f"shipped are {', '.join(card_names())}" + (f" (the nearest is {near[0]})" if near
+                                                       else "")
 
 
 def _read(path: Path) -> str:
     try:
         if not path.is_file():
             what = "is not a file" if path.exists() else "does not exist"
-            raise BadInput(f"{shown(str(path))} {what}; give the path of a card or a name; {_choice(path.stem)}.")
+            raise BadInput(f"{shown(str(path))} {what}; give the path of a card or a name; "
+                           f"{_choice(path.stem)}.")
         with path.open("rb") as stream:
             content = stream.read(LARGEST_CARD + 1)
         if len(content) > LARGEST_CARD:
-            raise BadInput(f"{shown(str(path))} is larger than {LARGEST_CARD / 1e6:g} MB; a card is a few kB of TOML.")
+            raise BadInput(f"{shown(str(path))} is larger than {LARGEST_CARD / 1e6:g} MB; a card "
+                           "is a few kB of TOML.")
         return content.decode("utf-8-sig")  # Windows puts a mark before UTF-8
     except UnicodeDecodeError as error:
         raise BadInput(f"{shown(str(path))} is not TOML: byte {error.start} is not UTF-8 text.") from None
@@ -378,23 +426,26 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
 
 
-GROUPS = {"bodies": ("bodies",), "bearings": ("bearings", "thrust_bearings", "pad_bearings", "films"),
-          "cracks": ("cracks",), "shapes": ("shapes",)}  # fields of a machine that hold the parts of a card's section
+GROUPS = {"bodies": ("bodies",), "bearings": ("bearings", "thrust_bearings", "pad_bearings",
+                                              "films"),
+          # fields of a machine that hold the parts of a card's section
+          "cracks": ("cracks",), "shapes": ("shapes",)}
 
 
 def vary(machine: Machine, changes: Mapping[str, Any]) -> Machine:
     """Return the machine with these numbers in place of its own, SI units.
 
     Keys are those of its card: "speed", "air_gap.field", "bodies.generator.mass",
-    "bearings.generator guide bearing.stiffness", "shaft.young"; short forms: "field" for "air_gap.field" and
-    "unbalance" for a factor on all unbalances.
-    Raises BadInput for a key the machine does not have, or a value its part refuses.
+    "bearings.generator guide bearing.stiffness", "shaft.young"; short forms: "field" for
+    "air_gap.field" and "unbalance" for a factor on all unbalances. Raises BadInput for a key the
+    machine does not have, or a value its part refuses.
     """
     for key, value in changes.items():
         if key == "speed":
             machine = replace(machine, speed=value)
         elif key == "unbalance":
-            machine = replace(machine, bodies=tuple(replace(b, unbalance=value * b.unbalance) for b in machine.bodies))
+            machine = replace(machine, bodies=tuple(replace(b, unbalance=value * b.unbalance)
+                                                    for b in machine.bodies))
         else:
             machine = _vary_part(machine, "air_gap.field" if key == "field" else key, value)
     return machine
@@ -403,15 +454,18 @@ def vary(machine: Machine, changes: Mapping[str, Any]) -> Machine:
 def _vary_part(machine: Machine, key: str, value: Any) -> Machine:
     section, _, rest = key.partition(".")
     name, _, attribute = rest.rpartition(".")
-    if section in ("shaft", "air_gap", "poles") and not name and getattr(machine, section) is not None:
-        return replace(machine, **{section: _replaced(key, getattr(machine, section), attribute, value)})
+    if section in ("shaft", "air_gap", "poles") and not name and getattr(machine,
+                                                                         section) is not None:
+        return replace(machine, **{section: _replaced(key, getattr(machine, section), attribute,
+                                                      value)})
     for group in GROUPS.get(section, ()):
         parts = getattr(machine, group)
         for i, part in enumerate(parts):
             if part.name == name:
                 changed = _replaced(key, part, attribute, value)
                 return replace(machine, **{group: (*parts[:i], changed, *parts[i + 1:])})
-    raise BadInput(f"{key!r} is not a number of {machine.name}; there are {', '.join(parameter_keys(machine))}.")
+    raise BadInput(f"{key!r} is not a number of {machine.name}; there are "
+                   f"{', '.join(parameter_keys(machine))}.")
 
 
 def _replaced(key: str, part: Any, attribute: str, value: Any) -> Any:
@@ -422,7 +476,8 @@ def _replaced(key: str, part: Any, attribute: str, value: Any) -> Any:
 
 def _numbers(part: Any) -> list[str]:
     """Names of the fields of a part that hold numbers."""
-    return [f.name for f in fields(part) if f.name not in ("node", "element", "pads", "pole_pairs", "order")
+    return [f.name for f in fields(part) if f.name not in ("node", "element", "pads", "pole_pairs",
+                                                           "order")
             and isinstance(value := getattr(part, f.name), (int, float, np.ndarray, np.number))
             and not isinstance(value, bool)]
 
@@ -433,7 +488,8 @@ def parameter_keys(machine: Machine) -> list[str]:
     for section in ("shaft", "air_gap", "poles"):
         if getattr(machine, section) is not None:
             keys += [f"{section}.{n}" for n in _numbers(getattr(machine, section))]
-    for section, parts in (("bodies", machine.bodies), ("bearings", machine.all_bearings), ("cracks", machine.cracks),
+    for section, parts in (("bodies", machine.bodies), ("bearings", machine.all_bearings),
+                           ("cracks", machine.cracks),
                            ("shapes", machine.shapes)):
         keys += [f"{section}.{part.name}.{n}" for part in parts for n in _numbers(part)]
     return keys

@@ -1,14 +1,17 @@
 r"""A transverse crack that breathes: the hinge of Gasch (1976; survey in J. Sound Vib. 160, 1993).
 
-A crack in the middle of a shaft element is felt by the difference of the slopes at its two ends, κ = (∂x/∂y, ∂z/∂y) at
-the lower end less that at the upper: the other way in which an element bends leaves no moment in its middle. Where
-bending pulls at the cracked side, the crack opens and the element loses the share Δ of its stiffness EI/l about the
-crack's edge; where bending presses, it is closed and the shaft is whole:
+A crack in the middle of a shaft element is felt by the difference of the slopes at its two ends, κ
+= (∂x/∂y, ∂z/∂y) at the lower end less that at the upper: the other way in which an element bends
+leaves no moment in its middle. Where bending pulls at the cracked side, the crack opens and the
+element loses the share Δ of its stiffness EI/l about the crack's edge; where bending presses, it is
+closed and the shaft is whole:
 
-f = −Δ p(−n·κ) n,  n = (sin(Ωt + ψ), cos(Ωt + ψ)) from the axis to the crack,  p(d) = d for d > 0 and 0 otherwise.
+f = −Δ p(−n·κ) n,  n = (sin(Ωt + ψ), cos(Ωt + ψ)) from the axis to the crack,  p(d) = d for d > 0
+and 0 otherwise.
 
-The flexibility of the open crack is that of fracture mechanics (Dimarogonas and Paipetis 1983): each strip of the section
-is a plate with an edge crack in bending, with the stress intensity of Tada, Paris and Irwin.
+The flexibility of the open crack is that of fracture mechanics (Dimarogonas and Paipetis 1983):
+each strip of the section is a plate with an edge crack in bending, with the stress intensity of
+Tada, Paris and Irwin.
 """
 
 from __future__ import annotations
@@ -27,8 +30,9 @@ from scipy.integrate import quad
 class BreathingCrack:
     """Moment of a crack on the slope difference κ, (2, …) rad, at the phase Ωt of the shaft.
 
-    loss: Δ, N m/rad. phase: ψ, rad. rounding: the corner of p is rounded over this angle, rad; p(d) = (d + √(d² + b²))/2.
-    breathes: False keeps the crack open, a slot, which is a linear law: the asymmetric shaft.
+    loss: Δ, N m/rad. phase: ψ, rad. rounding: the corner of p is rounded over this angle, rad; p(d)
+    = (d + √(d² + b²))/2. breathes: False keeps the crack open, a slot, which is a linear law: the
+    asymmetric shaft.
     """
 
     moving: ClassVar[bool] = True
@@ -43,14 +47,17 @@ class BreathingCrack:
         n = np.stack([np.sin(angle), np.cos(angle)])
         return n, -(n * kappa).sum(axis=0)
 
-    def force_at(self, kappa: NDArray, velocity: NDArray, phase: NDArray | float, speed: float) -> NDArray:
+    def force_at(self, kappa: NDArray, velocity: NDArray, phase: NDArray | float,
+                 speed: float) -> NDArray:
         """Moment, N m; shape of κ. phase: Ωt, rad. Neither the velocity nor the speed matter."""
         n, opening = self._towards(kappa, phase)
         return -self.loss * n * (self._open(opening)[0] if self.breathes else opening)
 
     def linearise_at(self, kappa: NDArray, velocity: NDArray, phase: NDArray | float,
                      speed: float) -> tuple[NDArray, NDArray, NDArray]:
-        """Moment, N m, its derivative with respect to κ, N m/rad, and that to its rate, which is zero."""
+        """Moment, N m, its derivative with respect to κ, N m/rad, and that to its rate, which is
+        zero.
+        """
         n, opening = self._towards(kappa, phase)
         size, share = self._open(opening) if self.breathes else (opening, np.ones_like(opening))
         slope = self.loss * share * n[:, None] * n
@@ -69,9 +76,10 @@ class BreathingCrack:
 def crack_flexibility(depth: float, young: float, poisson: float, radius: float) -> float:
     r"""Angle about its edge that an open crack adds under a moment of one, rad/(N m).
 
-    c = (32 (1 − ν²)/(π E R⁸)) ∫∫ (R² − x²) α F(α/h)² dα dx, strips of height h = 2√(R² − x²) with a crack of depth α,
-    F(s) = √(tan(πs/2)/(πs/2)) (0.923 + 0.199 (1 − sin(πs/2))⁴)/cos(πs/2). depth: of the crack at its deepest over the
-    diameter, 0 to below 0.5, where the strips at the edge of the crack end.
+    c = (32 (1 − ν²)/(π E R⁸)) ∫∫ (R² − x²) α F(α/h)² dα dx, strips of height h = 2√(R² − x²) with a
+    crack of depth α, F(s) = √(tan(πs/2)/(πs/2)) (0.923 + 0.199 (1 − sin(πs/2))⁴)/cos(πs/2). depth:
+    of the crack at its deepest over the diameter, 0 to below 0.5, where the strips at the edge of
+    the crack end.
     """
     if depth == 0:
         return 0.0
@@ -92,6 +100,8 @@ def crack_flexibility(depth: float, young: float, poisson: float, radius: float)
 
 
 def stiffness_loss(rigidity: float, length: float, flexibility: float) -> float:
-    """Δ = k − 1/(1/k + c), N m/rad, of an element with k = EI/l: the crack's angle adds to the element's own."""
+    """Δ = k − 1/(1/k + c), N m/rad, of an element with k = EI/l: the crack's angle adds to the
+    element's own.
+    """
     k = rigidity / length
     return k * k * flexibility / (1 + k * flexibility)

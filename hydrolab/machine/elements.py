@@ -1,8 +1,9 @@
 """The shaft element, from shape functions to energies to matrices, derived with SymPy.
 
 Axes and degrees of freedom: the shaft axis y points down, the transverse plane is (x, z), and each
-node has (x, z, θx, θz) with θx = ∂z/∂y and θz = −∂x/∂y for a slender shaft. An element has two nodes,
-so eight degrees of freedom, and obeys M q̈ + (C + Ω G) q̇ + K q = F with the spin Ω positive from z to x.
+node has (x, z, θx, θz) with θx = ∂z/∂y and θz = −∂x/∂y for a slender shaft. An element has two
+nodes, so eight degrees of freedom, and obeys M q̈ + (C + Ω G) q̇ + K q = F with the spin Ω positive
+from z to x.
 
 Two elements share one set of shape functions with the shear parameter Φ = 12 E I / (κ G A L²):
 
@@ -33,7 +34,8 @@ ELEMENTS = ("lalanne-ferraris", "timoshenko")
 
 @cache
 def symbols() -> SimpleNamespace:
-    """The letters of the derivation: s = y/L, L, Phi, E, rho, A, I, Omega and the fields in the energies.
+    """The letters of the derivation: s = y/L, L, Phi, E, rho, A, I, Omega and the fields in the
+    energies.
 
     `fields` are x, z, θx, θz; `rates` their time derivatives; `strains` the two curvatures θx', θz'
     and the two shear strains γz = z' − θx and γx = x' + θz.
@@ -85,13 +87,15 @@ def interpolation() -> tuple[sp.Matrix, sp.Matrix]:
         fields[0, x], fields[0, tilt_z] = w[2 * end], -w[2 * end + 1]
         fields[3, x], fields[3, tilt_z] = -theta[2 * end], theta[2 * end + 1]
     slopes = fields.diff(s) / L
-    strains = sp.Matrix.vstack(slopes[2, :], slopes[3, :], slopes[1, :] - fields[2, :], slopes[0, :] + fields[3, :])
+    strains = sp.Matrix.vstack(slopes[2, :], slopes[3, :], slopes[1, :] - fields[2, :],
+                               slopes[0, :] + fields[3, :])
     return fields, strains.applyfunc(sp.factor)
 
 
 @cache
 def energies() -> tuple[sp.Expr, sp.Expr]:
-    """Kinetic and strain energy of the spinning shaft per unit length, J/m, in the letters of `symbols`.
+    """Kinetic and strain energy of the spinning shaft per unit length, J/m, in the letters of
+    `symbols`.
 
     T' = ½ρA(ẋ² + ż²) + ½ρI(θ̇x² + θ̇z²) + 2ρIΩ θ̇z θx,  U' = ½EI(θx'² + θz'²) + ½κGA(γz² + γx²)
 
@@ -105,12 +109,14 @@ def energies() -> tuple[sp.Expr, sp.Expr]:
     kinetic = (c.rho * c.A * (vx**2 + vz**2) / 2 + c.rho * c.I * (rate_x**2 + rate_z**2) / 2
                + 2 * c.rho * c.I * c.Omega * rate_z * tilt_x)
     shear_stiffness = 12 * c.E * c.I / (c.Phi * c.L**2)
-    strain = c.E * c.I * (bend_x**2 + bend_z**2) / 2 + shear_stiffness * (shear_z**2 + shear_x**2) / 2
+    strain = c.E * c.I * (bend_x**2 + bend_z**2) / 2 + shear_stiffness * (shear_z**2
+                                                                          + shear_x**2) / 2
     return kinetic, strain
 
 
 @cache
-def element_matrices_symbolic(element: str) -> tuple[sp.ImmutableMatrix, sp.ImmutableMatrix, sp.ImmutableMatrix]:
+def element_matrices_symbolic(element: str) -> tuple[sp.ImmutableMatrix, sp.ImmutableMatrix,
+                                                     sp.ImmutableMatrix]:
     """M, G and K of an element as SymPy matrices, each (8, 8), in L, Phi, E, rho, A, I.
 
     Lagrange's equations on the energies: M = ∂²T/∂q̇∂q̇, Ω G = ∂²T/∂q̇∂q − ∂²T/∂q∂q̇, K = ∂²U/∂q∂q.
@@ -142,7 +148,8 @@ def _along_element(B: sp.Matrix, density: sp.Matrix) -> sp.ImmutableMatrix:
 
     @cache  # both planes share most entries
     def integral(entry: sp.Expr) -> sp.Expr:
-        return sp.factor(sp.Poly(entry, c.s).integrate().eval(1) / (1 + c.Phi) ** 2) if entry else entry
+        return sp.factor(sp.Poly(entry, c.s).integrate().eval(1)
+                         / (1 + c.Phi) ** 2) if entry else entry
 
     return sp.ImmutableMatrix(integrand.applyfunc(integral))
 
@@ -152,12 +159,15 @@ def _numeric(element: str) -> Callable[..., list[NDArray]]:
     """The symbolic M, G, K as one NumPy function of (L, Phi, E, rho, A, I)."""
     import sympy as sp
     c = symbols()
-    return sp.lambdify((c.L, c.Phi, c.E, c.rho, c.A, c.I), element_matrices_symbolic(element), "numpy", cse=True)
+    return sp.lambdify((c.L, c.Phi, c.E, c.rho, c.A, c.I), element_matrices_symbolic(element),
+                       "numpy", cse=True)
 
 
-def shaft_element(element: str, length: float, young: float, density: float, area: float, second_moment: float,
+def shaft_element(element: str, length: float, young: float, density: float, area: float,
+                  second_moment: float,
                   poisson: float, shear_coefficient: float) -> tuple[NDArray, NDArray, NDArray]:
-    """M (kg, kg m, kg m²), G (same over s per rad/s) and K (N/m, N, N m) of one element, each (8, 8).
+    """M (kg, kg m, kg m²), G (same over s per rad/s) and K (N/m, N, N m) of one element, each (8,
+    8).
 
     element: "lalanne-ferraris" or "timoshenko". length: m. young: Pa. density: kg/m³. area: m².
     second_moment: m⁴. poisson: ν, with G = E / (2(1 + ν)). shear_coefficient: κ of the section.

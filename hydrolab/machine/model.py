@@ -2,8 +2,9 @@
 
 Which force laws a machine's parts bring, and on which coordinates u = S q.
 
-The first two coordinates are the (x, z) of the generator's centre; the pull's law may have more (`air_gap_law`), and each
-nonlinear bearing and crack adds its own two. One plain law stays as it is, several go side by side.
+The first two coordinates are the (x, z) of the generator's centre; the pull's law may have more
+(`air_gap_law`), and each nonlinear bearing and crack adds its own two. One plain law stays as it
+is, several go side by side.
 
 Machine → Model: matrices, the pull on its coordinates, the unbalance. No solving.
 
@@ -28,39 +29,48 @@ from hydrolab.machine.gap_shape import shaped_law
 from hydrolab.machine.parts import Machine, RigidBody
 from hydrolab.machine.pull import CircularPull, ForceLaw, LinearPull, Placed, SeveralLaws, TangentialPull, TiltedPull
 
-DISTINCT = 1e-6  # relative difference below which two frequencies are the pair of an isotropic rotor
+# relative difference below which two frequencies are the pair of an isotropic rotor
+DISTINCT = 1e-6
 
 
-def rayleigh_coefficients(M: NDArray, K: NDArray, ratios: tuple[float, float]) -> tuple[float, float]:
-    """α (1/s) and β (s) that give the first and the second distinct mode at rest these damping ratios.
+def rayleigh_coefficients(M: NDArray, K: NDArray,
+                          ratios: tuple[float, float]) -> tuple[float, float]:
+    """α (1/s) and β (s) that give the first and the second distinct mode at rest these damping
+    ratios.
 
-    In a mode of C = αM + βK the ratio is ζ = α/(2ω) + βω/2 (T. K. Caughey and M. E. J. O'Kelly, 1965),
-    so two frequencies fix both. The frequencies are those of M and K alone (speed zero). The two equal
-    frequencies of an isotropic rotor count once, and rigid-body motions, ω = 0, cannot carry a ratio.
+    In a mode of C = αM + βK the ratio is ζ = α/(2ω) + βω/2 (T. K. Caughey and M. E. J. O'Kelly,
+    1965), so two frequencies fix both. The frequencies are those of M and K alone (speed zero). The
+    two equal frequencies of an isotropic rotor count once, and rigid-body motions, ω = 0, cannot
+    carry a ratio.
 
-    M, K: mass and stiffness, (n, n), M positive definite, K symmetric. ratios: (ζ₁, ζ₂), fractions of critical.
+    M, K: mass and stiffness, (n, n), M positive definite, K symmetric. ratios: (ζ₁, ζ₂), fractions
+    of critical.
 
     Raises BadInput if K is not symmetric or has fewer than two distinct frequencies above zero.
     """
     if not np.allclose(K, K.T, rtol=0, atol=1e-9 * np.abs(K).max()):
         raise BadInput("damping.ratio needs a symmetric stiffness matrix, and this one is not: "
-                       "a bearing has cross-coupling with xz different from zx. Give the bearings a damping instead.")
+                       "a bearing has cross-coupling with xz different from zx. Give the bearings "
+                       "a damping instead.")
     squares = scipy.linalg.eigvalsh(K, M)
     rounding = 10 * len(M) * np.finfo(float).eps * np.abs(squares).max()
     omega = np.sqrt(squares[squares > rounding])
     above = omega[omega > omega[0] * (1 + DISTINCT)] if len(omega) else omega
     if not len(above):
-        raise BadInput(f"damping.ratio needs two distinct frequencies above zero; this machine has {len(omega[:1])}. "
+        raise BadInput("damping.ratio needs two distinct frequencies above zero; this machine has "
+                       f"{len(omega[:1])}. "
                        "Give the bearings a damping instead.")
     first, second = omega[0], above[0]
-    alpha, beta = np.linalg.solve([[1 / (2 * first), first / 2], [1 / (2 * second), second / 2]], ratios)
+    alpha, beta = np.linalg.solve([[1 / (2 * first), first / 2], [1 / (2 * second), second / 2]],
+                                  ratios)
     return float(alpha), float(beta)
 
 
 def air_gap_law(machine: Machine, centre: NDArray) -> tuple[ForceLaw, NDArray]:
     """The law of the air gap and the rows of its coordinates, (c, n).
 
-    centre: the rows of the (x, z) of the body in the gap, (2, n). Without an air gap the law is zero everywhere.
+    centre: the rows of the (x, z) of the body in the gap, (2, n). Without an air gap the law is
+    zero everywhere.
     """
     air = machine.air_gap
     if air is None:
@@ -71,7 +81,8 @@ def air_gap_law(machine: Machine, centre: NDArray) -> tuple[ForceLaw, NDArray]:
         rows = np.vstack([centre, slopes(machine.body(air.body).node, centre.shape[1])])
     if air.tangential:
         across = TangentialPull(air.tangential * air.pull_stiffness, air.gap)
-        law = SeveralLaws((Placed(law, slice(0, len(rows)), magnetic=True), Placed(across, slice(0, 2), magnetic=True)))
+        law = SeveralLaws((Placed(law, slice(0, len(rows)), magnetic=True),
+                           Placed(across, slice(0, 2), magnetic=True)))
     return law, rows
 
 
@@ -81,7 +92,8 @@ def upright_law(machine: Machine) -> ForceLaw:
     if machine.poles:
         return machine.poles.law(air.pull_stiffness, air.gap)
     if machine.shapes:
-        stator, rotor = (tuple(s.bulge() for s in machine.shapes if s.of == side) for side in ("stator", "rotor"))
+        stator, rotor = (tuple(s.bulge() for s in machine.shapes if s.of == side)
+                         for side in ("stator", "rotor"))
         return shaped_law(air.pull_stiffness, air.gap, stator, rotor)
     return (LinearPull if air.linear else CircularPull)(air.pull_stiffness, air.gap)
 
@@ -101,7 +113,8 @@ def place(node: int, per_node: int, size: int) -> NDArray:
 def crack_law(machine: Machine, crack: Crack) -> ForceLaw:
     """The law of a crack in its element."""
     shaft, i = machine.shaft, crack.element
-    return crack.law(shaft.young, shaft.poisson, float(shaft.diameter[i]), float(shaft.young * shaft.second_moment[i]),
+    return crack.law(shaft.young, shaft.poisson, float(shaft.diameter[i]),
+                     float(shaft.young * shaft.second_moment[i]),
                      float(np.diff(shaft.nodes)[i]))
 
 
@@ -111,7 +124,8 @@ def attach(machine: Machine, per_node: int, centre: NDArray) -> tuple[ForceLaw, 
     pull, rows = air_gap_law(machine, centre)
     more = [(pads.law(), place(pads.node, per_node, size)) for pads in machine.pad_bearings]
     more += [(film.law(machine.speed), place(film.node, per_node, size)) for film in machine.films]
-    more += [(crack_law(machine, crack), slopes(crack.element + 1, size) - slopes(crack.element, size))
+    more += [(crack_law(machine, crack), slopes(crack.element + 1, size) - slopes(crack.element,
+                                                                                  size))
              for crack in machine.cracks]
     if not more:
         return pull, rows
@@ -130,14 +144,14 @@ class Model:
     """A rotor as linear matrices with a force law on a few nonlinear coordinates u = S q.
 
     M, C, G, K: mass, damping, gyroscopic and stiffness matrices, shape (n, n), SI units.
-    unbalance_sin, unbalance_cos: F₁ and F₂, kg m, shape (n,); the force is Ω² (F₁ sin Ωt + F₂ cos Ωt).
-    selection: S, shape (c, n): the nonlinear coordinates from the DOFs; the first two are the position (x, z) of the
-    generator centre. law: the forces on those coordinates, the pull and whatever else is not linear. gap: nominal air
-    gap, m (inf if there is none).
-    depths: y of each node, m. shaft_map: maps q to the nodes' DOFs, shape (nodes · DOFs per node, n).
-    rayleigh: the coefficients (α, β) of C = αM + βK, 0 where there is no such damping.
-    supports: for each isotropic radial bearing, the rows that pick its (x, z) from q, shape (2, n);
-    support_stiffness: its stiffness, N/m.
+    unbalance_sin, unbalance_cos: F₁ and F₂, kg m, shape (n,); the force is Ω² (F₁ sin Ωt + F₂ cos
+    Ωt). selection: S, shape (c, n): the nonlinear coordinates from the DOFs; the first two are the
+    position (x, z) of the generator centre. law: the forces on those coordinates, the pull and
+    whatever else is not linear. gap: nominal air gap, m (inf if there is none). depths: y of each
+    node, m. shaft_map: maps q to the nodes' DOFs, shape (nodes · DOFs per node, n). rayleigh: the
+    coefficients (α, β) of C = αM + βK, 0 where there is no such damping. supports: for each
+    isotropic radial bearing, the rows that pick its (x, z) from q, shape (2, n); support_stiffness:
+    its stiffness, N/m.
     """
 
     name: str
@@ -163,7 +177,8 @@ class Model:
 
     @property
     def length_scale(self) -> float:
-        """Length that makes unknowns of order one, m: the gap, or a millimetre where there is none."""
+        """Length that makes unknowns of order one, m: the gap, or a millimetre where there is none.
+        """
         return self.gap if math.isfinite(self.gap) else NO_GAP_SCALE
 
     def velocity_matrix(self, speed: float) -> NDArray:
@@ -177,18 +192,23 @@ class Model:
         Raises BadInput where there is no gap or the stator would touch the resting rotor.
         """
         if not (np.isfinite(static_eccentricity) and np.isfinite(direction)):
-            raise BadInput(f"static_eccentricity is {static_eccentricity}, direction {direction}; both must be finite.")
+            raise BadInput(f"static_eccentricity is {static_eccentricity}, direction {direction}; "
+                           "both must be finite.")
         if static_eccentricity and not math.isfinite(self.gap):
-            raise BadInput(f"static_eccentricity is {static_eccentricity:g}, but {self.name} has no air gap; use 0.")
+            raise BadInput(f"static_eccentricity is {static_eccentricity:g}, but {self.name} has "
+                           "no air gap; use 0.")
         if abs(static_eccentricity) >= 1:
-            raise BadInput(f"static_eccentricity is {static_eccentricity:g}; it is a fraction of the gap, so it must "
+            raise BadInput(f"static_eccentricity is {static_eccentricity:g}; it is a fraction of "
+                           "the gap, so it must "
                            "lie between -1 and 1 (8.8 % is 0.088).")
         if not static_eccentricity:
             return np.zeros(2)
         return static_eccentricity * self.gap * np.array([math.sin(direction), math.cos(direction)])
 
     def relative(self, coordinates: NDArray, centre: NDArray) -> NDArray:
-        """The nonlinear coordinates, (c, …), with the generator's (x, z) counted from the stator centre, (2, …), m."""
+        """The nonlinear coordinates, (c, …), with the generator's (x, z) counted from the stator
+        centre, (2, …), m.
+        """
         out = coordinates.copy()
         out[:2] -= centre
         return out
@@ -199,11 +219,13 @@ class Model:
 
     def with_unbalance(self, ratio: float) -> Model:
         """The same rotor with all unbalances multiplied by `ratio`."""
-        return replace(self, unbalance_sin=ratio * self.unbalance_sin, unbalance_cos=ratio * self.unbalance_cos)
+        return replace(self, unbalance_sin=ratio * self.unbalance_sin,
+                       unbalance_cos=ratio * self.unbalance_cos)
 
 
 def rigid_link(offset: float) -> NDArray:
-    """Motion of a point `offset` metres below a node from the node's (x, z, θx, θz): 4 × 4, exact, massless.
+    """Motion of a point `offset` metres below a node from the node's (x, z, θx, θz): 4 × 4, exact,
+    massless.
 
     x_c = x − ℓ θz, z_c = z + ℓ θx, because θx = ∂z/∂y and θz = −∂x/∂y.
     """
@@ -213,14 +235,17 @@ def rigid_link(offset: float) -> NDArray:
 
 
 def body_matrices(body: RigidBody) -> tuple[NDArray, NDArray]:
-    """Mass and gyroscopic matrix, 4 × 4, of a rigid body about its own centre (Lalanne and Ferraris 1998)."""
+    """Mass and gyroscopic matrix, 4 × 4, of a rigid body about its own centre (Lalanne and Ferraris
+    1998).
+    """
     gyroscopic = np.zeros((4, 4))
     gyroscopic[2, 3], gyroscopic[3, 2] = -body.Ip, body.Ip
     return np.diag([body.mass, body.mass, body.Id, body.Id]), gyroscopic
 
 
 def add_spring(K: NDArray, first: int, stiffness: float) -> None:
-    """Add an isotropic spring, N/m, to a stiffness matrix, on the (x, z) that begin at DOF `first`."""
+    """Add an isotropic spring, N/m, to a stiffness matrix, on the (x, z) that begin at DOF `first`.
+    """
     K[[first, first + 1], [first, first + 1]] += stiffness
 
 
@@ -240,7 +265,8 @@ def assemble(machine: Machine) -> Model:
     if shaft := machine.shaft:
         for i, length in enumerate(np.diff(shaft.nodes)):
             both = slice(4 * i, 4 * i + 8)
-            m, g, k = shaft_element(shaft.element, length, shaft.young, shaft.density, shaft.area[i],
+            m, g, k = shaft_element(shaft.element, length, shaft.young, shaft.density,
+                                    shaft.area[i],
                                     shaft.second_moment[i], shaft.poisson, shaft.shear_coefficient)
             M[both, both] += m
             G[both, both] += g
@@ -269,7 +295,8 @@ def assemble(machine: Machine) -> Model:
         tilt = slice(4 * bearing.node + 2, 4 * bearing.node + 4)
         K[tilt, tilt] += bearing.tilt_stiffness * np.eye(2)
     law, selection = attach(machine, per_node, selection)
-    # A linear bearing stands for each nonlinear one, and its law takes it back; Rayleigh damping counts pads as closed.
+    # A linear bearing stands for each nonlinear one, and its law takes it back; Rayleigh damping
+    # counts pads as closed.
     for pads in machine.pad_bearings:
         add_spring(K, per_node * pads.node, pads.law().reference)
     rayleigh = rayleigh_coefficients(M, K, machine.damping.ratio) if machine.damping else (0.0, 0.0)

@@ -33,10 +33,10 @@ class AirGap:
 
     body: the name of the rigid body inside it. field: unperturbed flux density B0, T (rms).
     mean_radius: u0, m. length: l0, m. gap: nominal gap g0, m.
-    tilt: whether the pull also feels the rotor lean in the stator, over the height l0 (`TiltedPull`).
-    linear: take the pull as a negative stiffness at any eccentricity, as design tools do (`LinearPull`).
-    tangential: pull across the eccentricity that damper circuits add, over the pull along it; above 0 it drives forward
-    whirl (`TangentialPull`).
+    tilt: whether the pull also feels the rotor lean in the stator, over the height l0
+    (`TiltedPull`). linear: take the pull as a negative stiffness at any eccentricity, as design
+    tools do (`LinearPull`). tangential: pull across the eccentricity that damper circuits add, over
+    the pull along it; above 0 it drives forward whirl (`TangentialPull`).
     """
 
     body: str
@@ -60,7 +60,8 @@ class AirGap:
         put(self, "tangential", number("air_gap.tangential", self.tangential))
         for name in ("tilt", "linear"):
             if not isinstance(getattr(self, name), bool):
-                raise BadInput(f"air_gap.{name} is {shown(getattr(self, name))}; it must be true or false.")
+                raise BadInput(f"air_gap.{name} is {shown(getattr(self, name))}; it must be true "
+                               "or false.")
 
     @property
     def pull_stiffness(self) -> float:
@@ -97,13 +98,15 @@ class Shaft:
         if len(nodes) < 2:
             raise BadInput(f"shaft.nodes has {len(nodes)} entries; a shaft needs at least 2 nodes.")
         if nodes[0] != 0:
-            raise BadInput(f"shaft.nodes starts at {nodes[0]:g} m; the first node is the shaft top, 0 m.")
+            raise BadInput(f"shaft.nodes starts at {nodes[0]:g} m; the first node is the shaft "
+                           "top, 0 m.")
         if (np.diff(nodes) <= 0).any():
             at = int(np.argmin(np.diff(nodes)))
             raise BadInput(f"shaft.nodes goes from {nodes[at]:g} m to {nodes[at + 1]:g} m; "
                            "the depths must ascend.")
         outer = self._per_element("shaft.diameter", self.diameter, len(nodes) - 1, above=0.0)
-        inner = self._per_element("shaft.inner_diameter", self.inner_diameter, len(nodes) - 1, least=0.0)
+        inner = self._per_element("shaft.inner_diameter", self.inner_diameter, len(nodes) - 1,
+                                  least=0.0)
         if (inner >= outer).any():
             at = int(np.argmax(inner >= outer))
             raise BadInput(f"shaft.inner_diameter is {inner[at]:g} m; it must be smaller than "
@@ -118,10 +121,12 @@ class Shaft:
         put(self, "shear_coefficient",
             number("shaft.shear_coefficient", self.shear_coefficient, above=0))
         if self.shear_coefficient > 1:
-            raise BadInput(f"shaft.shear_coefficient is {self.shear_coefficient:g}; it is the share of the section "
+            raise BadInput(f"shaft.shear_coefficient is {self.shear_coefficient:g}; it is the "
+                           "share of the section "
                            "that carries shear, so it must be at most 1.")
         if self.element not in ELEMENTS:
-            raise BadInput(f"shaft.element is {shown(self.element)}; it must be one of {', '.join(ELEMENTS)}.")
+            raise BadInput(f"shaft.element is {shown(self.element)}; it must be one of "
+                           f"{', '.join(ELEMENTS)}.")
 
     @staticmethod
     def _per_element(key: str, value: ArrayLike, elements: int, **limits: float) -> NDArray:
@@ -129,7 +134,8 @@ class Shaft:
             value = [number(key, value, unit="m", **limits)] * elements
         array = vector(key, value, unit="m", **limits)
         if len(array) != elements:
-            raise BadInput(f"{key} has {len(array)} entries; give one number or one per element, {elements}.")
+            raise BadInput(f"{key} has {len(array)} entries; give one number or one per element, "
+                           f"{elements}.")
         return array
 
     @property
@@ -188,8 +194,8 @@ class Machine:
     speed: rated speed, rad/s. shaft: None for a point mass on springs (one node, which translates).
     pad_bearings, films, cracks: parts that act nonlinearly on their own coordinates.
     poles, shapes: what makes the field or the gap other than constant and round.
-    provenance: for each number of the card, by its dotted key ("bodies.generator.mass"), what the card says;
-    print the machine to see them. about: what the card says of itself.
+    provenance: for each number of the card, by its dotted key ("bodies.generator.mass"), what the
+    card says; print the machine to see them. about: what the card says of itself.
     """
 
     name: str
@@ -219,10 +225,12 @@ class Machine:
         for kind, part in parts:
             node = part.node
             if isinstance(node, bool) or not isinstance(node, (int, np.integer)):
-                raise BadInput(f"{kind}.{part.name}.node is {shown(node)}; it must be a whole number.")
+                raise BadInput(f"{kind}.{part.name}.node is {shown(node)}; it must be a whole "
+                               "number.")
             if not 0 <= node < self.nodes:
                 allowed = f"the nodes are 0 to {self.nodes - 1}" if self.shaft else "without a shaft the only node is 0"
-                raise BadInput(f"{kind}.{part.name}.node is {shown(node)}, off the shaft; {allowed}.")
+                raise BadInput(f"{kind}.{part.name}.node is {shown(node)}, off the shaft; "
+                               f"{allowed}.")
             if names.count(part.name) > 1:
                 raise BadInput(f"{kind}: the name {part.name!r} is used twice; names must differ.")
         for crack in self.cracks:
@@ -233,9 +241,11 @@ class Machine:
             self._check_point_mass()
         if self.air_gap and self.air_gap.body not in [b.name for b in self.bodies]:
             names = ", ".join(b.name for b in self.bodies) or "there is none"
-            raise BadInput(f"air_gap.body is {shown(self.air_gap.body)}; it must be the name of a body: {names}.")
+            raise BadInput(f"air_gap.body is {shown(self.air_gap.body)}; it must be the name of a "
+                           f"body: {names}.")
         air = self.air_gap
-        check_gap(air.gap if air else math.inf, tilt=bool(air and air.tilt), linear=bool(air and air.linear),
+        check_gap(air.gap if air else math.inf, tilt=bool(air and air.tilt),
+                  linear=bool(air and air.linear),
                   poles=self.poles, shapes=self.shapes)
 
     def _check_point_mass(self) -> None:
@@ -244,7 +254,8 @@ class Machine:
                 raise BadInput(f"bodies.{body.name}.offset is {body.offset:g} m; "
                                "without a shaft nothing tilts, so it must be 0.")
         if self.thrust_bearings:
-            raise BadInput(f"bearings.{self.thrust_bearings[0].name}.tilt_stiffness has no meaning without a shaft.")
+            raise BadInput(f"bearings.{self.thrust_bearings[0].name}.tilt_stiffness has no meaning "
+                           "without a shaft.")
         if self.damping:
             raise BadInput("damping.ratio needs two distinct modes; without a shaft there is one, "
                            "so give the bearing a damping instead.")
@@ -256,9 +267,11 @@ class Machine:
         if self.shaft is None:
             raise BadInput(f"{key} has no shaft to be in; a machine without a shaft has no cracks.")
         if crack.element >= self.nodes - 1:
-            raise BadInput(f"{key}.element is {crack.element}; the shaft's elements are 0 to {self.nodes - 2}.")
+            raise BadInput(f"{key}.element is {crack.element}; the shaft's elements are 0 to "
+                           f"{self.nodes - 2}.")
         if self.shaft.inner_diameter[crack.element]:
-            raise BadInput(f"{key}.element is {crack.element}, which is hollow; the crack's flexibility is that of a solid "
+            raise BadInput(f"{key}.element is {crack.element}, which is hollow; the crack's "
+                           "flexibility is that of a solid "
                            "shaft.")
         if [c.name for c in self.cracks].count(crack.name) > 1:
             raise BadInput(f"cracks: the name {crack.name!r} is used twice; names must differ.")
@@ -281,7 +294,8 @@ class Machine:
         for body in self.bodies:
             if body.name == name:
                 return body
-        raise BadInput(f"no body is called {name!r}; there are {', '.join(b.name for b in self.bodies)}.")
+        raise BadInput(f"no body is called {name!r}; there are "
+                       f"{', '.join(b.name for b in self.bodies)}.")
 
     def model(self):
         """The machine's matrices, pull and unbalance: a `hydrolab.machine.model.Model`."""
@@ -295,8 +309,10 @@ class Machine:
                   **{f"cracks.{c.name}.": c for c in self.cracks},
                   "poles.": self.poles, **{f"shapes.{s.name}.": s for s in self.shapes},
                   "damping.": self.damping, "air_gap.": self.air_gap}
-        return {f"{prefix}{name}": getattr(part, name) for prefix, part in groups.items() if part is not None
-                for name in part.__dataclass_fields__ if name in SI_UNITS and (prefix or name == "speed")}
+        return {f"{prefix}{name}": getattr(part, name) for prefix, part in groups.items()
+                if part is not None
+                for name in part.__dataclass_fields__ if name in SI_UNITS
+                and (prefix or name == "speed")}
 
     def __str__(self) -> str:
         rows = []
@@ -306,10 +322,12 @@ class Machine:
                 rows.append((key, entry.quantity, entry.source, entry.note))
             elif entry is not None or np.any(value):  # a zero nobody stated says nothing
                 now = quantity(_simplest(value), SI_UNITS[key.rpartition(".")[2]])
-                rows.append((key, now, "changed", f"the card says {entry.quantity}") if entry else (key, now, "", ""))
+                rows.append((key, now, "changed", f"the card says {entry.quantity}") if entry
+                            else (key, now, "", ""))
         wide = max(len(key) for key, *_ in rows)
         lines = [f"{self.name}: {self.title}" if self.title else self.name]
-        lines += textwrap.wrap(" ".join(self.about.split()), 110, initial_indent="  ", subsequent_indent="  ")
+        lines += textwrap.wrap(" ".join(self.about.split()), 110, initial_indent="  ",
+                               subsequent_indent="  ")
         for key, now, source, note in rows:
             start = f"  {key:<{wide}}  {now:<18}  {source:<10}  "
             if len(now) > 18:

@@ -1,14 +1,18 @@
-r"""The pull of a field with p pole pairs, which turns: a mean part and parts that beat with twice the electrical frequency.
+r"""The pull of a field with p pole pairs, which turns: a mean part and parts that beat with twice
+the electrical frequency.
 
-The field at the gap angle φ is √2 B0 Re(c e^{−ipφ}) g0/g, with c = e^{iθ} for a wave that turns forward, θ the electrical
-angle. B0 is the rms value of the wave; its peak B̂ is √2 B0. With the complex eccentricity ζ = (z + ix)/g0, s = |ζ|² and
-w = √(1 − s), the integral of the Maxwell stress over the true gap g0 (1 − Re(ζ̄ e^{iφ})) is, for any p,
+The field at the gap angle φ is √2 B0 Re(c e^{−ipφ}) g0/g, with c = e^{iθ} for a wave that turns
+forward, θ the electrical angle. B0 is the rms value of the wave; its peak B̂ is √2 B0. With the
+complex eccentricity ζ = (z + ix)/g0, s = |ζ|² and w = √(1 − s), the integral of the Maxwell stress
+over the true gap g0 (1 − Re(ζ̄ e^{iφ})) is, for any p,
 
-F_z + i F_x = k g0 [2 |c|² a₁ ζ + c̄² a_{2p+1} ζ^{2p+1} + c² a_{2p−1} ζ̄^{2p−1}],  a_n = (1 + n w) / (2 w³ (1 + w)ⁿ).
+F_z + i F_x = k g0 [2 |c|² a₁ ζ + c̄² a_{2p+1} ζ^{2p+1} + c² a_{2p−1} ζ̄^{2p−1}],  a_n = (1 + n w) /
+(2 w³ (1 + w)ⁿ).
 
-Only for p = 1 does the beat grow with the first power of the eccentricity; in general it is O(ε^{2p−1}).
-Guo, Chu and Chen (2002) expand the permeance to its third order instead, which changes the a_n and drops n > 5. Their
-text could not be read; the truncated forces here follow from the same series (`series_force`).
+Only for p = 1 does the beat grow with the first power of the eccentricity; in general it is
+O(ε^{2p−1}). Guo, Chu and Chen (2002) expand the permeance to its third order instead, which changes
+the a_n and drops n > 5. Their text could not be read; the truncated forces here follow from the
+same series (`series_force`).
 """
 
 from __future__ import annotations
@@ -20,11 +24,14 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-KEPT = {1: (1, 1, 1), 3: (2, 0, 0), 5: (1, 0, 0)}  # of the series to third order: a_n w² (1 + w)ⁿ as a polynomial in ρ²
+# of the series to third order: a_n w² (1 + w)ⁿ as a polynomial in ρ²
+KEPT = {1: (1, 1, 1), 3: (2, 0, 0), 5: (1, 0, 0)}
 
 
 def peak_field(rms: float) -> float:
-    """Peak B̂ = √2 B0 of a wave of the rms value B0, T: taken for the rms itself it doubles the pull."""
+    """Peak B̂ = √2 B0 of a wave of the rms value B0, T: taken for the rms itself it doubles the
+    pull.
+    """
     return math.sqrt(2) * rms
 
 
@@ -47,12 +54,12 @@ def truncated_size(w: NDArray, n: int) -> tuple[NDArray, NDArray]:
 class PolePairPull:
     """The pull of a wave of p pole pairs in closed form.
 
-    stiffness: k = π B0² u0 l0/(µ0 g0), N/m, with the rms value B0 of the forward wave. gap: g0, m. pole_pairs: p.
-    ratio: electrical over mechanical angle, p for a synchronous machine, p/(1 − slip) for an induction motor.
-    start: electrical angle at phase 0, rad.
-    backward: size of a wave that turns the other way, over the forward one, which phases out of balance make; its sum
-    with the forward wave is largest at the electrical angle −backward_angle/2, rad.
-    truncated: take the permeance to its third order (Guo, Chu and Chen 2002), not the whole force.
+    stiffness: k = π B0² u0 l0/(µ0 g0), N/m, with the rms value B0 of the forward wave. gap: g0, m.
+    pole_pairs: p. ratio: electrical over mechanical angle, p for a synchronous machine, p/(1 −
+    slip) for an induction motor. start: electrical angle at phase 0, rad. backward: size of a wave
+    that turns the other way, over the forward one, which phases out of balance make; its sum with
+    the forward wave is largest at the electrical angle −backward_angle/2, rad. truncated: take the
+    permeance to its third order (Guo, Chu and Chen 2002), not the whole force.
     """
 
     moving: ClassVar[bool] = True
@@ -76,8 +83,10 @@ class PolePairPull:
         room = 1 - np.abs(zeta) ** 2
         return zeta, np.sqrt(np.where(room > 0, room, np.nan))
 
-    def force_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float, speed: float) -> NDArray:
-        """Force on the rotor, N, shape of e; velocity and speed do not matter. nan where |e| ≥ g0."""
+    def force_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
+                 speed: float) -> NDArray:
+        """Force on the rotor, N, shape of e; velocity and speed do not matter. nan where |e| ≥ g0.
+        """
         return self.linearise_at(e, velocity, phase, speed)[0]
 
     def linearise_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
@@ -86,9 +95,11 @@ class PolePairPull:
         zeta, w = self._place(e)
         conj, c, p = zeta.conj(), self.wave(phase), self.pole_pairs
         size = truncated_size if self.truncated else whole_size
-        force, by_zeta, by_conj = (np.zeros(np.broadcast(zeta, c).shape, dtype=complex) for _ in range(3))
+        force, by_zeta, by_conj = (np.zeros(np.broadcast(zeta, c).shape, dtype=complex)
+                                   for _ in range(3))
         # each part is factor · a_n(w) · ζᵐ or ζ̄ᵐ, and ∂w/∂ζ = −ζ̄/2w
-        parts = ((2 * np.abs(c) ** 2, 1, True), (c.conj() ** 2, 2 * p + 1, True), (c**2, 2 * p - 1, False))
+        parts = ((2 * np.abs(c) ** 2, 1, True), (c.conj() ** 2, 2 * p + 1, True),
+                 (c**2, 2 * p - 1, False))
         for factor, n, forward in parts:
             a, slope = size(w, n)
             z = zeta if forward else conj
@@ -101,10 +112,13 @@ class PolePairPull:
         along_z, along_x = by_zeta + by_conj, 1j * (by_zeta - by_conj)
         jacobian = self.stiffness * np.stack([np.stack([along_x.imag, along_z.imag]),
                                               np.stack([along_x.real, along_z.real])])
-        return self.stiffness * self.gap * np.stack([force.imag, force.real]), jacobian, np.zeros_like(jacobian)
+        return self.stiffness * self.gap * np.stack([force.imag,
+                                                     force.real]), jacobian, np.zeros_like(jacobian)
 
     def potential(self, e: NDArray, phase: NDArray | float) -> NDArray:
-        """V, J, with F = −∂V/∂e at a fixed phase, of the whole force; shape of e without its first axis."""
+        """V, J, with F = −∂V/∂e at a fixed phase, of the whole force; shape of e without its first
+        axis.
+        """
         zeta, w = self._place(e)
         c, n = self.wave(phase), 2 * self.pole_pairs
         beat = (c.conj() ** 2 * zeta**n).real / (w * (1 + w) ** n)
@@ -124,25 +138,31 @@ class PolePairPull:
 
 
 def series_force(pole_pairs: int, orders: int = 3):
-    r"""The truncated force by SymPy: F_z + i F_x over R L F₁²/µ0 as a sum of a^j g^m t^q with a-order zero.
+    r"""The truncated force by SymPy: F_z + i F_x over R L F₁²/µ0 as a sum of a^j g^m t^q with
+    a-order zero.
 
-    The permeance is Σ Λ_n cos n(φ − γ), n ≤ orders, the magnetomotive force F₁ cos(pφ − θ), the stress their squared
-    product over 2µ0. With g = e^{iγ} and t = e^{iθ} the integral over φ keeps what does not turn with φ.
-    Returns (force, g, t, Λ): a SymPy expression, its two symbols, and the list of Λ_n.
+    The permeance is Σ Λ_n cos n(φ − γ), n ≤ orders, the magnetomotive force F₁ cos(pφ − θ), the
+    stress their squared product over 2µ0. With g = e^{iγ} and t = e^{iθ} the integral over φ keeps
+    what does not turn with φ. Returns (force, g, t, Λ): a SymPy expression, its two symbols, and
+    the list of Λ_n.
     """
     import sympy as sp
 
     a, g, t = sp.symbols("a g t")
     permeance = sp.symbols(f"Lambda0:{orders + 1}")
     cosine = [(a**n / g**n + g**n / a**n) / 2 for n in range(orders + 1)]
-    field = (a**pole_pairs / t + t / a**pole_pairs) / 2 * sum(L * c for L, c in zip(permeance, cosine, strict=True))
+    field = (a**pole_pairs / t + t / a**pole_pairs) / 2 * sum(L * c
+                                                              for L,
+                                                              c in zip(permeance, cosine,
+                                                                       strict=True))
     high = 2 * (pole_pairs + orders)  # makes a polynomial of what has negative powers of a
     stress = sp.Poly(sp.expand(sp.expand(field**2) * a ** (high + 1) / 2), a)
     return sp.expand(2 * sp.pi * stress.coeff_monomial(a**high)), g, t, list(permeance)
 
 
 def whole_moment(n: int):
-    """(1/2π) ∮ cos nφ/(1 − ε cos φ)² dφ by the residue at its pole, and ρⁿ (1 + n w)/w³: SymPy, (residue, closed form, ε).
+    """(1/2π) ∮ cos nφ/(1 − ε cos φ)² dφ by the residue at its pole, and ρⁿ (1 + n w)/w³: SymPy,
+    (residue, closed form, ε).
 
     Half of it over εⁿ is a_n.
     """

@@ -7,32 +7,37 @@ towards the small gap. Gap angle φ runs from z towards x.
 
 Source: Villa, Carvalho and Salomon, Eqs. (2) to (8), after Lundström and Aidanpää (2007).
 
-Several force laws in one model, each on its own coordinates, and laws of velocity and phase beside plain ones.
+Several force laws in one model, each on its own coordinates, and laws of velocity and phase beside
+plain ones.
 
 A pull across the eccentricity, which damper circuits and cages add to the pull along it.
 
-F = k_t J e, with J the quarter turn from z to x: k_t > 0 pushes a rotor that whirls with the spin on its way. It stands
-beside the law of the pull on the same coordinates (`SeveralLaws`), so that F = k_r e + k_t J e for a linear pull k_r.
-A Jeffcott rotor with damping c is stable as long as c ω > |k_t|, with ω = √((k − k_r)/m): k_t > 0 drives its forward
-whirl, k_t < 0 its backward whirl. Karlsson et al. (2007) find such a pull where a generator has a damper winding. Here
-k_t is constant, while a circuit's depends on the whirl frequency.
+F = k_t J e, with J the quarter turn from z to x: k_t > 0 pushes a rotor that whirls with the spin
+on its way. It stands beside the law of the pull on the same coordinates (`SeveralLaws`), so that F
+= k_r e + k_t J e for a linear pull k_r. A Jeffcott rotor with damping c is stable as long as c ω >
+|k_t|, with ω = √((k − k_r)/m): k_t > 0 drives its forward whirl, k_t < 0 its backward whirl.
+Karlsson et al. (2007) find such a pull where a generator has a damper winding. Here k_t is
+constant, while a circuit's depends on the whirl frequency.
 
 The pull of a rotor that tilts in its stator: each height of the rim has its own eccentricity.
 
-A rim of height h whose centre lies at e and whose axis leans by the slopes t = (∂x/∂y, ∂z/∂y) has, at the height s
-below its centre, the eccentricity e + s t. Its pull and the moment that goes with the slopes are
+A rim of height h whose centre lies at e and whose axis leans by the slopes t = (∂x/∂y, ∂z/∂y) has,
+at the height s below its centre, the eccentricity e + s t. Its pull and the moment that goes with
+the slopes are
 
 F = (1/h) ∫ f(e + s t) ds, N = (1/h) ∫ s f(e + s t) ds, s from −h/2 to h/2,
 
-with f the pull of the whole rim if it did not lean. For small motion N = k (h²/12) t: the tilt pull, which Gustavsson
-and Aidanpää (2006) give a rim with its hub off the middle, and which a model without tilt leaves out.
+with f the pull of the whole rim if it did not lean. For small motion N = k (h²/12) t: the tilt
+pull, which Gustavsson and Aidanpää (2006) give a rim with its hub off the middle, and which a model
+without tilt leaves out.
 
-The pull of any magnetomotive force in the true gap, by quadrature: waves of the rotor and the stator added up.
+The pull of any magnetomotive force in the true gap, by quadrature: waves of the rotor and the
+stator added up.
 
-f(φ, t) = Σ share cos(order · φ − ratio · Ωt − angle), and F = (k g0³/2π) ∮ 2 f² (sin φ, cos φ)/g² dφ with the gap
-g = g0 − e_x sin φ − e_z cos φ, no series. A lone wave of share 1 is the field whose rms is B0, so its mean pull is that of
-`CircularPull`. Pennacchi and Frosini (2005) take the rotor's and the stator's wave with the load angle between them; their
-parameters could not be read.
+f(φ, t) = Σ share cos(order · φ − ratio · Ωt − angle), and F = (k g0³/2π) ∮ 2 f² (sin φ, cos φ)/g²
+dφ with the gap g = g0 − e_x sin φ − e_z cos φ, no series. A lone wave of share 1 is the field whose
+rms is B0, so its mean pull is that of `CircularPull`. Pennacchi and Frosini (2005) take the rotor's
+and the stator's wave with the load angle between them; their parameters could not be read.
 """
 
 from __future__ import annotations
@@ -48,9 +53,10 @@ from numpy.typing import NDArray
 class ForceLaw(Protocol):
     """What a solver asks of a force law.
 
-    moving: whether the force also depends on the velocity or on the phase Ωt of the rotation. Such a law has
-    `force_at(e, velocity, phase, speed)` and `linearise_at(e, velocity, phase, speed)`, which also returns ∂F_i/∂ė_j,
-    N s/m, in place of the first two; phase, rad, is broadcast against the axes of e after its first, speed is Ω, rad/s.
+    moving: whether the force also depends on the velocity or on the phase Ωt of the rotation. Such
+    a law has `force_at(e, velocity, phase, speed)` and `linearise_at(e, velocity, phase, speed)`,
+    which also returns ∂F_i/∂ė_j, N s/m, in place of the first two; phase, rad, is broadcast against
+    the axes of e after its first, speed is Ω, rad/s.
     """
 
     moving: bool
@@ -62,7 +68,9 @@ class ForceLaw(Protocol):
         """Force, N, and its derivative, N/m, with one more axis in front."""
 
     def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap around the circumference, m; e: all of the law's coordinates, or (x, z) alone."""
+        """Smallest air gap around the circumference, m; e: all of the law's coordinates, or (x, z)
+        alone.
+        """
 
     def gap_angle(self, e: NDArray) -> NDArray:
         """Gap angle of the smallest gap, rad, from z towards x."""
@@ -107,7 +115,9 @@ class CircularPull:
         return force, jacobian
 
     def potential(self, e: NDArray) -> NDArray:
-        """V = −k g0² (1 − ε²)^{−1/2}, J, with F = −∂V/∂e; shape of e without its first axis, nan outside the gap."""
+        """V = −k g0² (1 − ε²)^{−1/2}, J, with F = −∂V/∂e; shape of e without its first axis, nan
+        outside the gap.
+        """
         ex, ez = e
         with np.errstate(invalid="ignore", divide="ignore"):
             return -self.stiffness * self.gap**2 / np.sqrt(1 - (ex * ex + ez * ez) / self.gap**2)
@@ -150,8 +160,8 @@ class ShapedPull:
     F = (k g0³ / 2π) ∮ (sin φ, cos φ) / g² dφ with g(φ) = shape(φ) − e_x sin φ − e_z cos φ.
     The integrand is periodic, so the trapezoidal rule converges exponentially.
 
-    stiffness, gap: k (N/m) and g0 (m) of the nominal circular gap. shape: gap at the N equally spaced
-    angles φ_n = 2πn/N when the rotor is centred, m; shape (N,).
+    stiffness, gap: k (N/m) and g0 (m) of the nominal circular gap. shape: gap at the N equally
+    spaced angles φ_n = 2πn/N when the rotor is centred, m; shape (N,).
     """
 
     stiffness: float
@@ -160,15 +170,20 @@ class ShapedPull:
     moving = False
 
     def _local_gap(self, e: NDArray) -> tuple[NDArray, NDArray]:
-        """Directions (2, N) and the gap along them, m, (…, N); below zero the rotor is in the stator."""
+        """Directions (2, N) and the gap along them, m, (…, N); below zero the rotor is in the
+        stator.
+        """
         angle = 2 * np.pi * np.arange(len(self.shape)) / len(self.shape)
         direction = np.stack([np.sin(angle), np.cos(angle)])
         return direction, self.shape - np.tensordot(e, direction, axes=(0, 0))
 
     def _quadrature(self, e: NDArray) -> tuple[NDArray, NDArray, float]:
-        """Directions, gap (nan where the rotor is in the stator) and the weight k g0³/N of each angle."""
+        """Directions, gap (nan where the rotor is in the stator) and the weight k g0³/N of each
+        angle.
+        """
         direction, gap = self._local_gap(e)
-        return direction, np.where(gap > 0, gap, np.nan), self.stiffness * self.gap**3 / len(self.shape)
+        return direction, np.where(gap > 0, gap,
+                                   np.nan), self.stiffness * self.gap**3 / len(self.shape)
 
     def force(self, e: NDArray) -> NDArray:
         """Force on the rotor, N; shape of e. Meaningless (nan) where the rotor is in the stator."""
@@ -195,11 +210,13 @@ class ShapedPull:
 
 
 def closed_form():
-    r"""The integral behind `CircularPull`, done by SymPy: (∫ cos φ/(1 − ε cos φ)² dφ, 2πε/(1 − ε²)^{3/2}).
+    r"""The integral behind `CircularPull`, done by SymPy: (∫ cos φ/(1 − ε cos φ)² dφ, 2πε/(1 −
+    ε²)^{3/2}).
 
     SymPy's own `integrate` does not finish on the circle. Both sides are therefore compared as what
     they are, analytic functions of ε on (0, 1): the residue at the pole inside the unit circle.
-    Returns the pair (residue result, closed form) as SymPy expressions in ε; their difference simplifies to 0.
+    Returns the pair (residue result, closed form) as SymPy expressions in ε; their difference
+    simplifies to 0.
     """
     import sympy as sp
 
@@ -208,14 +225,18 @@ def closed_form():
     z = sp.symbols("z")
     inside, outside = (1 - w) / eps, (1 + w) / eps
     # cos φ = (z + 1/z)/2 and dφ = dz/(iz) turn the integrand into a rational function of z = e^{iφ}
-    # with a double pole at `inside`; its residue is the derivative of what is left after (z − inside)².
+    # with a double pole at `inside`; its residue is the derivative of what is left after (z −
+    # inside)².
     rest = 2 * (z**2 + 1) / (eps**2 * (z - outside) ** 2)
     residue = sp.diff(rest, z).subs(z, inside)
     return sp.simplify(2 * sp.pi * residue), 2 * sp.pi * eps / (1 - eps**2) ** sp.Rational(3, 2)
 
 
-def force_at(law: ForceLaw, e: NDArray, velocity: NDArray, phase: NDArray | float, speed: float) -> NDArray:
-    """Force of any law, N, shape of e: one that does not move is not asked about velocity and phase."""
+def force_at(law: ForceLaw, e: NDArray, velocity: NDArray, phase: NDArray | float,
+             speed: float) -> NDArray:
+    """Force of any law, N, shape of e: one that does not move is not asked about velocity and
+    phase.
+    """
     return law.force_at(e, velocity, phase, speed) if law.moving else law.force(e)
 
 
@@ -230,7 +251,9 @@ def linearise_at(law: ForceLaw, e: NDArray, velocity: NDArray, phase: NDArray | 
 
 @dataclass(frozen=True)
 class Placed:
-    """A law on some of a model's nonlinear coordinates. magnetic: whether its force grows with the square of the field."""
+    """A law on some of a model's nonlinear coordinates. magnetic: whether its force grows with the
+    square of the field.
+    """
 
     law: ForceLaw
     rows: slice
@@ -239,7 +262,9 @@ class Placed:
 
 @dataclass(frozen=True)
 class SeveralLaws:
-    """Laws side by side. The first is the pull in the air gap; its coordinates begin with (x, z) of the generator."""
+    """Laws side by side. The first is the pull in the air gap; its coordinates begin with (x, z) of
+    the generator.
+    """
 
     parts: tuple[Placed, ...]
 
@@ -264,7 +289,8 @@ class SeveralLaws:
             slope[part.rows, part.rows] += own
         return out, slope
 
-    def force_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float, speed: float) -> NDArray:
+    def force_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
+                 speed: float) -> NDArray:
         """Forces on all coordinates, N, shape of e."""
         out = np.zeros_like(e)
         for part in self.parts:
@@ -274,7 +300,8 @@ class SeveralLaws:
     def linearise_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
                      speed: float) -> tuple[NDArray, NDArray, NDArray]:
         """Forces, N, with their derivatives by position, N/m, and by velocity, N s/m, (c, c, …)."""
-        out, slope, damping = np.zeros_like(e), np.zeros((len(e), *e.shape)), np.zeros((len(e), *e.shape))
+        out, slope, damping = np.zeros_like(e), np.zeros((len(e), *e.shape)), np.zeros((len(e),
+                                                                                        *e.shape))
         for part in self.parts:
             force, *own = linearise_at(part.law, e[part.rows], velocity[part.rows], phase, speed)
             out[part.rows] += force
@@ -283,7 +310,9 @@ class SeveralLaws:
         return out, slope, damping
 
     def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap, m, by the first law; e: all coordinates, or (x, z) of the rotor centre alone."""
+        """Smallest air gap, m, by the first law; e: all coordinates, or (x, z) of the rotor centre
+        alone.
+        """
         return self.parts[0].law.smallest_gap(e[self.parts[0].rows])
 
     def gap_angle(self, e: NDArray) -> NDArray:
@@ -292,7 +321,8 @@ class SeveralLaws:
 
     def scaled(self, factor: float) -> SeveralLaws:
         """The same laws, the magnetic ones `factor` times as strong."""
-        return replace(self, parts=tuple(replace(p, law=p.law.scaled(factor)) if p.magnetic else p for p in self.parts))
+        return replace(self, parts=tuple(replace(p, law=p.law.scaled(factor)) if p.magnetic else p
+                                         for p in self.parts))
 
 
 @dataclass(frozen=True)
@@ -328,19 +358,23 @@ class TangentialPull:
 def tangential_limit(mass: float, damping: float, stiffness: float, pull: float) -> float:
     """Largest |k_t|, N/m, of a stable Jeffcott rotor: c √((k − k_r)/m).
 
-    mass: kg. damping: c, N s/m. stiffness: k of the spring, N/m. pull: k_r, N/m, less than k, or nan comes back.
+    mass: kg. damping: c, N s/m. stiffness: k of the spring, N/m. pull: k_r, N/m, less than k, or
+    nan comes back.
     """
     return damping * math.sqrt((stiffness - pull) / mass) if pull < stiffness else math.nan
 
 
-POINTS = 12  # Gauss points over the height: the pull is smooth in s, so the error falls exponentially with them
+# Gauss points over the height: the pull is smooth in s, so the error falls exponentially with them
+POINTS = 12
 
 
 @dataclass(frozen=True)
 class TiltedPull:
-    """The pull on four coordinates: eccentricity (x, z) of the rim's middle, m, and slopes (∂x/∂y, ∂z/∂y), rad.
+    """The pull on four coordinates: eccentricity (x, z) of the rim's middle, m, and slopes (∂x/∂y,
+    ∂z/∂y), rad.
 
-    upright: the pull without tilt, a positional law on (x, z). height: h, m. The force has the same four rows: N, N m.
+    upright: the pull without tilt, a positional law on (x, z). height: h, m. The force has the same
+    four rows: N, N m.
     """
 
     moving: ClassVar[bool] = False
@@ -354,7 +388,9 @@ class TiltedPull:
         return s, weight / 2, u[:2, ..., None] + u[2:, ..., None] * s
 
     def force(self, u: NDArray) -> NDArray:
-        """Force, N, and the moment that works on the slopes, N m; shape of u. nan where an end is in the stator."""
+        """Force, N, and the moment that works on the slopes, N m; shape of u. nan where an end is
+        in the stator.
+        """
         s, weight, e = self._slices(u)
         pull = self.upright.force(e)
         return np.concatenate([pull @ weight, pull @ (s * weight)])
@@ -365,15 +401,19 @@ class TiltedPull:
         pull, slope = self.upright.linearise(e)
         direct, mixed, tilt = slope @ weight, slope @ (s * weight), slope @ (s * s * weight)
         return (np.concatenate([pull @ weight, pull @ (s * weight)]),
-                np.concatenate([np.concatenate([direct, mixed], axis=1), np.concatenate([mixed, tilt], axis=1)]))
+                np.concatenate([np.concatenate([direct, mixed], axis=1),
+                                np.concatenate([mixed, tilt], axis=1)]))
 
     def potential(self, u: NDArray) -> NDArray:
-        """V, J, with force = −∂V/∂u, where the upright pull has one; shape of u without its first axis."""
+        """V, J, with force = −∂V/∂u, where the upright pull has one; shape of u without its first
+        axis.
+        """
         _, weight, e = self._slices(u)
         return self.upright.potential(e) @ weight
 
     def _ends(self, u: NDArray) -> NDArray:
-        """Eccentricity of the top and the bottom of the rim, (2, …, 2); no other height comes nearer to the stator.
+        """Eccentricity of the top and the bottom of the rim, (2, …, 2); no other height comes
+        nearer to the stator.
 
         Where u is (x, z) alone the rotor is taken as upright.
         """
@@ -402,9 +442,9 @@ LEAST = 128  # points around the gap: at 90 % of the gap ρ¹²⁸ is 1e-26
 class Wave:
     """One wave of magnetomotive force: share · cos(order · φ − ratio · Ωt − angle).
 
-    order: number of its pole pairs around the gap. share: of the reference wave, whose field is B0 (rms).
-    ratio: electrical over mechanical angle; a wave fixed to the rotor has ratio = order, one that stands still 0, and one
-    that turns backward a negative ratio. angle: rad.
+    order: number of its pole pairs around the gap. share: of the reference wave, whose field is B0
+    (rms). ratio: electrical over mechanical angle; a wave fixed to the rotor has ratio = order, one
+    that stands still 0, and one that turns backward a negative ratio. angle: rad.
     """
 
     order: int
@@ -413,16 +453,20 @@ class Wave:
     angle: float = 0.0
 
 
-def loaded(pole_pairs: int, stator_share: float, load_angle: float, ratio: float, start: float = 0.0) -> tuple[Wave, Wave]:
+def loaded(pole_pairs: int, stator_share: float, load_angle: float, ratio: float,
+           start: float = 0.0) -> tuple[Wave, Wave]:
     """The rotor's wave and the stator's, which is `load_angle` (electrical, rad) behind it."""
-    return (Wave(pole_pairs, 1.0, ratio, start), Wave(pole_pairs, stator_share, ratio, start - load_angle))
+    return (Wave(pole_pairs, 1.0, ratio, start),
+            Wave(pole_pairs, stator_share, ratio, start - load_angle))
 
 
 @dataclass(frozen=True)
 class FieldWave:
-    """The pull of a sum of waves in a circular gap, by the trapezoidal rule, which converges exponentially.
+    """The pull of a sum of waves in a circular gap, by the trapezoidal rule, which converges
+    exponentially.
 
-    stiffness: k = π B0² u0 l0/(µ0 g0), N/m, of the reference wave. gap: g0, m. waves: `Wave`, at least one.
+    stiffness: k = π B0² u0 l0/(µ0 g0), N/m, of the reference wave. gap: g0, m. waves: `Wave`, at
+    least one.
     """
 
     moving: ClassVar[bool] = True
@@ -438,10 +482,14 @@ class FieldWave:
     def field(self, angle: NDArray, phase: NDArray | float) -> NDArray:
         """f at gap angles (N,) and phases (…): (…, N)."""
         phase = np.asarray(phase)[..., None]
-        return sum(w.share * np.cos(w.order * angle - w.ratio * phase - w.angle) for w in self.waves)
+        return sum(w.share * np.cos(w.order * angle - w.ratio * phase - w.angle)
+                   for w in self.waves)
 
-    def force_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float, speed: float) -> NDArray:
-        """Force on the rotor, N, shape of e; velocity and speed do not matter. nan where the rotor is in the stator."""
+    def force_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
+                 speed: float) -> NDArray:
+        """Force on the rotor, N, shape of e; velocity and speed do not matter. nan where the rotor
+        is in the stator.
+        """
         direction, weight, gap = self._around(e, phase)
         return np.einsum("in,...n->i...", direction, weight / gap**2)
 

@@ -1,4 +1,6 @@
-"""Checks of what a user gives, each with a sentence, and the record of where a card's number comes from."""
+"""Checks of what a user gives, each with a sentence, and the record of where a card's number comes
+from.
+"""
 
 from __future__ import annotations
 
@@ -15,13 +17,18 @@ from hydrolab.errors import BadInput
 
 SMALLEST, LARGEST = 1e-30, 1e30  # beyond these, powers of a number leave the range of floats
 SI_UNITS = {
-    "speed": "rad/s", "nodes": "m", "diameter": "m", "inner_diameter": "m", "young": "Pa", "density": "kg/m^3",
-    "poisson": "1", "shear_coefficient": "1", "mass": "kg", "Id": "kg m^2", "Ip": "kg m^2", "offset": "m",
-    "unbalance": "kg m", "phase": "rad", "stiffness": "N/m", "damping": "N s/m", "tilt_stiffness": "N m/rad",
+    "speed": "rad/s", "nodes": "m", "diameter": "m", "inner_diameter": "m", "young": "Pa",
+    "density": "kg/m^3",
+    "poisson": "1", "shear_coefficient": "1", "mass": "kg", "Id": "kg m^2", "Ip": "kg m^2",
+    "offset": "m",
+    "unbalance": "kg m", "phase": "rad", "stiffness": "N/m", "damping": "N s/m",
+    "tilt_stiffness": "N m/rad",
     "ratio": "1", "field": "T", "mean_radius": "m", "length": "m", "gap": "m",
     "pad_stiffness": "N/m", "clearance": "m", "angle": "rad", "rounding": "m",
-    "viscosity": "Pa s", "journal_radius": "m", "film_length": "m", "depth": "1", "rounding_angle": "rad",
-    "electrical_ratio": "1", "pole_angle": "rad", "backward": "1", "backward_angle": "rad", "stator_mmf": "1",
+    "viscosity": "Pa s", "journal_radius": "m", "film_length": "m", "depth": "1",
+    "rounding_angle": "rad",
+    "electrical_ratio": "1", "pole_angle": "rad", "backward": "1", "backward_angle": "rad",
+    "stator_mmf": "1",
     "load_angle": "rad", "size": "m", "tangential": "1",
 }  # every number of a part, by the name of its field
 
@@ -43,8 +50,10 @@ def shown(value: Any) -> str:
 
 def nickname(key: str, value: Any) -> str:
     """Return a name if a sentence can carry it: one line of 1 to 80 printable characters."""
-    if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > 80:
-        raise BadInput(f"{key} is {shown(value)}; it must be text of 1 to 80 characters on one line.")
+    if not isinstance(value,
+                      str) or not value.strip() or not value.isprintable() or len(value) > 80:
+        raise BadInput(f"{key} is {shown(value)}; it must be text of 1 to 80 characters on one "
+                       "line.")
     return value
 
 
@@ -53,11 +62,13 @@ def number(key: str, value: Any, *, above: float = -math.inf, least: float = -ma
     """Return value as a float, or say in a sentence why it is not allowed for this key."""
     unit = f" {unit}" if unit else ""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise BadInput(f"{key} is {shown(value)}; it must be a number{f' in{unit}' if unit else ''}.")
+        raise BadInput(f"{key} is {shown(value)}; it must be a "
+                       f"number{f' in{unit}' if unit else ''}.")
     if value != value or abs(value) == math.inf:
         raise BadInput(f"{key} is {value}; it must be a finite number.")
     if abs(value) > LARGEST or (above == 0 and 0 < value < SMALLEST):
-        raise BadInput(f"{key} is {shown(value)}{unit}; its size must lie between {SMALLEST:g} and {LARGEST:g}{unit}.")
+        raise BadInput(f"{key} is {shown(value)}{unit}; its size must lie between {SMALLEST:g} and "
+                       f"{LARGEST:g}{unit}.")
     value = float(value)
     if value <= above:
         raise BadInput(f"{key} is {value:g}{unit}; it must be larger than {above:g}{unit}.")
@@ -69,10 +80,14 @@ def number(key: str, value: Any, *, above: float = -math.inf, least: float = -ma
 
 
 def whole(key: str, value: Any, least: int, most: float = math.inf, why: str = "") -> int:
-    """Return value if it is a whole number from least to most, or say in a sentence, with the reason why, that not."""
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
+    """Return value if it is a whole number from least to most, or say in a sentence, with the
+    reason why, that not.
+    """
+    if isinstance(value, bool) or not isinstance(value,
+                                                 (int, np.integer)) or not least <= value <= most:
         span = f"of at least {least}" if most == math.inf else f"from {least} to {most}"
-        raise BadInput(f"{key} is {shown(value)}; it must be a whole number {span}{f' ({why})' if why else ''}.")
+        raise BadInput(f"{key} is {shown(value)}; it must be a whole number "
+                       f"{span}{f' ({why})' if why else ''}.")
     return int(value)
 
 
@@ -113,7 +128,8 @@ def bearing_matrix(key: str, value: ArrayLike, unit: str) -> NDArray:
                        f"2 by 2 matrix [[xx, xz], [zx, zz]], in {unit}.")
     array = np.array([[number(key, entry, unit=unit) for entry in row] for row in rows])
     if min(array[0, 0], array[1, 1]) < 0:
-        raise BadInput(f"{key} has a negative direct entry, {min(array[0, 0], array[1, 1]):g} {unit}; "
+        raise BadInput(f"{key} has a negative direct entry, {min(array[0, 0], array[1, 1]):g} "
+                       f"{unit}; "
                        f"direct entries must be at least 0 {unit}.")
     array.setflags(write=False)
     return array

@@ -1,20 +1,22 @@
 """The unknown half of the paper's machine: free data, their ranges, and how the rest is fixed.
 
-Figure 1 of Villa, Carvalho and Salomon is lost, and with it the masses, inertias, bearing positions, the
-turbine's link and the two unbalances. What the paper states is kept as stated. A member of the family is a
-draw of the free data (Latin hypercube over `FREE`); then
-- the unbalances are scaled so that the centred generator moves 200 µm (0-to-peak), with the field or without,
+Figure 1 of Villa, Carvalho and Salomon is lost, and with it the masses, inertias, bearing
+positions, the turbine's link and the two unbalances. What the paper states is kept as stated. A
+member of the family is a draw of the free data (Latin hypercube over `FREE`); then
+- the unbalances are scaled so that the centred generator moves 200 µm (0-to-peak), with the field
+  or without,
   since the paper does not say which;
 - the depth of the guide bearing is found so that the first fold lies at 8.925 % of the gap.
-A draw for which no depth does that is rejected, with its reason. No claim of the paper takes part in this.
-Run `python -m hydrolab.paper.calibration` to make the family file again.
+A draw for which no depth does that is rejected, with its reason. No claim of the paper takes part
+in this. Run `python -m hydrolab.paper.calibration` to make the family file again.
 
 The family put to the paper's claims, and the choice of the unit that ships.
 
-Members were selected on the stated data alone (`hydrolab.paper.calibration`). Here each is studied and judged, and
-`python -m hydrolab.paper.calibration` writes the card of the member that agrees with most claims. A member whose fold moves by
-more than 0.1 % of the gap when a mass or an inertia grows by 1 % is passed over. Among equals the choice falls on the
-one whose stable steady states reach furthest past the first fold, because there is most to show.
+Members were selected on the stated data alone (`hydrolab.paper.calibration`). Here each is studied
+and judged, and `python -m hydrolab.paper.calibration` writes the card of the member that agrees
+with most claims. A member whose fold moves by more than 0.1 % of the gap when a mass or an inertia
+grows by 1 % is passed over. Among equals the choice falls on the one whose stable steady states
+reach furthest past the first fold, because there is most to show.
 """
 
 from __future__ import annotations
@@ -49,7 +51,8 @@ from hydrolab.paper.study import FAMILY_CARD, Study, run_study
 
 SPEED = 150 * math.pi / 30
 AMPLITUDE = 200e-6  # m, 0-to-peak, at the generator centre (paper, section 2)
-FOLD_RANGE = (0.0890, 0.0895)  # the paper shows an orbit at 8.9 % and finds none "beyond about 8.9 %"
+# the paper shows an orbit at 8.9 % and finds none "beyond about 8.9 %"
+FOLD_RANGE = (0.0890, 0.0895)
 FOLD = 0.08925
 ROTOR_RADIUS = 2.989  # m, Table 1: u0 − g0/2
 DEPTH_RANGE = (0.70, 1.30)  # m, where the guide bearing is looked for
@@ -68,19 +71,26 @@ class Free:
 
 
 FREE: dict[str, Free] = {
-    "generator_mass": Free("mass of the generator rotor", "kg", 6e4, 1.5e5, "unit of some 22 MVA, H = 3 to 4 s"),
-    "generator_gyration": Free("radius of gyration about the axis over the rotor radius", "1", 0.60, 0.85,
+    "generator_mass": Free("mass of the generator rotor", "kg", 6e4, 1.5e5,
+                           "unit of some 22 MVA, H = 3 to 4 s"),
+    "generator_gyration": Free("radius of gyration about the axis over the rotor radius", "1",
+                               0.60, 0.85,
                                "between a solid disc, 0.71, and a rim, with spokes"),
     "generator_shape": Free("Id/Ip of the generator", "1", 0.52, 0.65, "a disc 1 to 2 m high"),
-    "turbine_mass": Free("mass of the runner with its hub", "kg", 2e4, 6e4, "Kaplan runner of 4 to 5 m"),
-    "turbine_gyration": Free("radius of gyration of the runner", "m", 0.9, 1.6, "Kaplan runner of 4 to 5 m"),
+    "turbine_mass": Free("mass of the runner with its hub", "kg", 2e4, 6e4,
+                         "Kaplan runner of 4 to 5 m"),
+    "turbine_gyration": Free("radius of gyration of the runner", "m", 0.9, 1.6,
+                             "Kaplan runner of 4 to 5 m"),
     "turbine_shape": Free("Id/Ip of the runner", "1", 0.52, 0.90, "hub nearly as high as wide"),
-    "turbine_offset": Free("runner centre below the shaft end", "m", 0.0, 1.0, "a link like the generator's"),
+    "turbine_offset": Free("runner centre below the shaft end", "m", 0.0, 1.0,
+                           "a link like the generator's"),
     "thrust_depth": Free("depth of the thrust bearing", "m", 4.0, 5.0, "'near the middle span'"),
-    "turbine_bearing_depth": Free("depth of the turbine bearing", "m", 7.8, 8.7, "'close to the turbine'"),
+    "turbine_bearing_depth": Free("depth of the turbine bearing", "m", 7.8, 8.7,
+                                  "'close to the turbine'"),
     "unbalance_share": Free("generator's share of the sum of the unbalances", "1", 0.5, 1.0,
                             "'in both generator and turbine'"),
-    "unbalance_phase": Free("angle of the turbine's unbalance ahead of the generator's", "rad", 0.0, 2 * math.pi,
+    "unbalance_phase": Free("angle of the turbine's unbalance ahead of the generator's", "rad",
+                            0.0, 2 * math.pi,
                             "unknown"),
 }
 
@@ -89,8 +99,8 @@ FREE: dict[str, Free] = {
 class Member:
     """One machine of the family: its free data, and what was calibrated.
 
-    reading: how "200 µm" was read. bearing_depth: of the guide bearing, m. unbalance: sum of both, kg m.
-    fold: first fold, fraction of the gap.
+    reading: how "200 µm" was read. bearing_depth: of the guide bearing, m. unbalance: sum of both,
+    kg m. fold: first fold, fraction of the gap.
     """
 
     number: int
@@ -102,7 +112,8 @@ class Member:
 
     def machine(self) -> Machine:
         """The member as a machine."""
-        return build(self.free, self.bearing_depth, self.unbalance, name=f"member {self.number}, {self.reading}")
+        return build(self.free, self.bearing_depth, self.unbalance, name=f"member {self.number}, "
+                     f"{self.reading}")
 
 
 @dataclass(frozen=True)
@@ -114,25 +125,32 @@ class Family:
     rejected: tuple[tuple[int, str, str], ...]
 
 
-def build(free: Mapping[str, float], bearing_depth: float, unbalance: float, name: str = "kaplan") -> Machine:
-    """The Kaplan unit of the paper with these free data, a guide-bearing depth (m) and a sum of unbalances (kg m).
+def build(free: Mapping[str, float], bearing_depth: float, unbalance: float,
+          name: str = "kaplan") -> Machine:
+    """The Kaplan unit of the paper with these free data, a guide-bearing depth (m) and a sum of
+    unbalances (kg m).
 
-    Twelve elements: shaft top to guide bearing, five to the thrust bearing, five to the turbine bearing, one to the
-    end. Equal elements do not fit: bearings on their nodes would be at 0.75 or 1.51 m, far too stiff or too soft.
+    Twelve elements: shaft top to guide bearing, five to the thrust bearing, five to the turbine
+    bearing, one to the end. Equal elements do not fit: bearings on their nodes would be at 0.75 or
+    1.51 m, far too stiff or too soft.
     """
     bearing, thrust, turbine = bearing_depth, free["thrust_depth"], free["turbine_bearing_depth"]
-    nodes = np.concatenate([[0.0], np.linspace(bearing, thrust, 6), np.linspace(thrust, turbine, 6)[1:], [9.04]])
+    nodes = np.concatenate([[0.0], np.linspace(bearing, thrust, 6),
+                            np.linspace(thrust, turbine, 6)[1:], [9.04]])
     polar = free["generator_mass"] * (free["generator_gyration"] * ROTOR_RADIUS) ** 2
     runner = free["turbine_mass"] * free["turbine_gyration"] ** 2
     share = free["unbalance_share"]
     return Machine(
         name, SPEED,
         Shaft(nodes, 0.71, 2e11, 7850.0, poisson=0.3, shear_coefficient=0.9),
-        (RigidBody("generator", 0, free["generator_mass"], free["generator_shape"] * polar, polar, -0.472,
+        (RigidBody("generator", 0, free["generator_mass"], free["generator_shape"] * polar, polar,
+                   -0.472,
                    share * unbalance),
-         RigidBody("turbine", 12, free["turbine_mass"], free["turbine_shape"] * runner, runner, free["turbine_offset"],
+         RigidBody("turbine", 12, free["turbine_mass"], free["turbine_shape"] * runner, runner,
+                   free["turbine_offset"],
                    (1 - share) * unbalance, free["unbalance_phase"])),
-        (RadialBearing("generator guide bearing", 1, 1.37e9), RadialBearing("turbine guide bearing", 11, 1.64e9)),
+        (RadialBearing("generator guide bearing", 1, 1.37e9),
+         RadialBearing("turbine guide bearing", 11, 1.64e9)),
         (ThrustBearing("thrust bearing", 6, 5e7),),
         RayleighDamping((0.01, 0.01)),
         AirGap("generator", field=0.5, mean_radius=2.9945, length=0.97, gap=0.011),
@@ -146,18 +164,22 @@ def member_of(machine: Machine, reading: str) -> Member:
     free = {"generator_mass": generator.mass,
             "generator_gyration": math.sqrt(generator.Ip / generator.mass) / ROTOR_RADIUS,
             "generator_shape": generator.Id / generator.Ip, "turbine_mass": turbine.mass,
-            "turbine_gyration": math.sqrt(turbine.Ip / turbine.mass), "turbine_shape": turbine.Id / turbine.Ip,
+            "turbine_gyration": math.sqrt(turbine.Ip / turbine.mass),
+            "turbine_shape": turbine.Id / turbine.Ip,
             "turbine_offset": turbine.offset, "thrust_depth": float(machine.shaft.nodes[6]),
-            "turbine_bearing_depth": float(machine.shaft.nodes[11]), "unbalance_share": generator.unbalance / total,
+            "turbine_bearing_depth": float(machine.shaft.nodes[11]),
+            "unbalance_share": generator.unbalance / total,
             "unbalance_phase": turbine.phase - generator.phase}
-    return Member(-1, reading, free, float(machine.shaft.nodes[1]), total, first_fold(machine.model()))
+    return Member(-1, reading, free, float(machine.shaft.nodes[1]), total,
+                  first_fold(machine.model()))
 
 
 def unbalance_scale(model: Model, speed: float, amplitude: float, *, with_field: bool) -> float:
     """Factor on the unbalances that makes the centred orbit a circle of this radius (m); exact.
 
-    A forward circle of radius r feels the radial pull k (1 − r²/g0²)^{−3/2} r, so that one complex equation
-    d w = d w_lin + k(r) w holds for w = z + ix, with d the forward dynamic stiffness. Axisymmetric machines only.
+    A forward circle of radius r feels the radial pull k (1 − r²/g0²)^{−3/2} r, so that one complex
+    equation d w = d w_lin + k(r) w holds for w = z + ix, with d the forward dynamic stiffness.
+    Axisymmetric machines only.
     """
     eq = condense(model, speed, 1, 8)
     blocks = eq.stiffness.reshape(2, 3, 2, 3) * (eq.force / eq.length)
@@ -173,8 +195,8 @@ def unbalance_scale(model: Model, speed: float, amplitude: float, *, with_field:
 
 
 def first_fold(model: Model, speed: float = SPEED) -> float:
-    """First fold along the static eccentricity, fraction of the gap; 0 if there is no steady state to begin with,
-    nan if there is no fold up to contact."""
+    """First fold along the static eccentricity, fraction of the gap; 0 if there is no steady state
+    to begin with, nan if there is no fold up to contact."""
     try:
         branch = follow(model, speed=speed, to=0.5, method=Arclength(max_folds=1, tail=0))
     except (NoConvergence, Contact):
@@ -184,12 +206,15 @@ def first_fold(model: Model, speed: float = SPEED) -> float:
 
 def with_amplitude(free: Mapping[str, float], depth: float, reading: str) -> Machine:
     """The machine at this guide-bearing depth with its unbalances scaled to the 200 µm."""
-    scale = unbalance_scale(build(free, depth, 1.0).model(), SPEED, AMPLITUDE, with_field=READINGS[reading])
+    scale = unbalance_scale(build(free, depth, 1.0).model(), SPEED, AMPLITUDE,
+                            with_field=READINGS[reading])
     return build(free, depth, scale)
 
 
 def calibrate(free: Mapping[str, float], reading: str, number: int = 0) -> Member | str:
-    """Find the guide-bearing depth that puts the first fold at 8.925 %; a sentence if there is none."""
+    """Find the guide-bearing depth that puts the first fold at 8.925 %; a sentence if there is
+    none.
+    """
     def excess(depth: float) -> float:
         fold = first_fold(with_amplitude(free, depth, reading).model())
         return (1.0 if math.isnan(fold) else fold) - FOLD  # no fold: too stiff
@@ -201,15 +226,18 @@ def calibrate(free: Mapping[str, float], reading: str, number: int = 0) -> Membe
     if not FOLD_RANGE[0] <= fold <= FOLD_RANGE[1]:
         return f"the first fold jumps past 8.90 to 8.95 % as the guide bearing moves (to {100 * fold:.2f} %)"
     machine = with_amplitude(free, depth, reading)
-    return Member(number, reading, dict(free), depth, sum(b.unbalance for b in machine.bodies), fold)
+    return Member(number, reading, dict(free), depth, sum(b.unbalance for b in machine.bodies),
+                  fold)
 
 
-def draw_family(draws: int = 40, seed: int = 1, progress: Callable[[int, int], None] | None = None) -> Family:
+def draw_family(draws: int = 40, seed: int = 1,
+                progress: Callable[[int, int], None] | None = None) -> Family:
     """Draw the free data and calibrate both readings of each draw."""
     unit = qmc.LatinHypercube(len(FREE), seed=seed).random(draws)
     members, rejected = [], []
     for number, row in enumerate(unit):
-        free = {key: f.low + u * (f.high - f.low) for (key, f), u in zip(FREE.items(), row, strict=True)}
+        free = {key: f.low + u * (f.high - f.low)
+                for (key, f), u in zip(FREE.items(), row, strict=True)}
         for reading in READINGS:
             found = calibrate(free, reading, number)
             if isinstance(found, Member):
@@ -242,7 +270,8 @@ STEPS = {
 
 
 def sensitivity(member: Member) -> dict[str, float]:
-    """Change of the first fold, in % of the gap, for each of `STEPS` and for 1 cm of guide-bearing depth.
+    """Change of the first fold, in % of the gap, for each of `STEPS` and for 1 cm of guide-bearing
+    depth.
 
     The 200 µm are kept by scaling the unbalances anew.
     """
@@ -267,7 +296,8 @@ def save_family(family: Family, path: Path) -> None:
     """Write a family as JSON, with the ranges it was drawn from."""
     free = {key: asdict(f) for key, f in FREE.items()}
     content = {"seed": family.seed, "free": free, "members": [asdict(m) for m in family.members],
-               "rejected": [{"number": n, "reading": r, "reason": w} for n, r, w in family.rejected]}
+               "rejected": [{"number": n, "reading": r, "reason": w}
+                            for n, r, w in family.rejected]}
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
@@ -281,21 +311,25 @@ def load_family(path: Path | None = None) -> Family:
 if __name__ == "__main__":
     drawn = draw_family(progress=lambda done, of: print(f"{done}/{of} draws", end="\r", flush=True))
     save_family(drawn, family_file())
-    print(f"{len(drawn.members)} members, {len(drawn.rejected)} rejected, written to {family_file().name}")
+    print(f"{len(drawn.members)} members, {len(drawn.rejected)} rejected, written to "
+          f"{family_file().name}")
 
 
 LARGEST_SENSITIVITY = 0.1  # % of the gap for 1 % of a mass or an inertia
 
-INERTIAS = ("generator_mass", "generator_gyration", "generator_shape", "turbine_mass", "turbine_gyration",
+INERTIAS = ("generator_mass", "generator_gyration", "generator_shape", "turbine_mass",
+            "turbine_gyration",
             "turbine_shape")
 
 
 @dataclass(frozen=True)
 class Verdicts:
-    """What the study of one member found: its kind, which claims hold, or why it could not be studied.
+    """What the study of one member found: its kind, which claims hold, or why it could not be
+    studied.
 
-    first_loss: eccentricity at which stability is lost before the first fold, or None. folds: fractions of the gap.
-    stable_reach: largest eccentricity at which a steady state past the folds was found stable, or 0.
+    first_loss: eccentricity at which stability is lost before the first fold, or None. folds:
+    fractions of the gap. stable_reach: largest eccentricity at which a steady state past the folds
+    was found stable, or 0.
     """
 
     member: Member
@@ -314,7 +348,8 @@ def judge_member(member: Member) -> Verdicts:
         if study.interrupted:
             raise KeyboardInterrupt  # half a study is no verdict
         return Verdicts(member, study.kind, {c.id: c.holds for c in judge(study)},
-                        tuple(f.value for f in study.branch.folds), study.first_loss, stable_reach(study))
+                        tuple(f.value for f in study.branch.folds), study.first_loss,
+                        stable_reach(study))
     except (BadInput, NoConvergence, Contact) as error:
         return Verdicts(member, "not studied", {}, failure=str(error))
 
@@ -323,8 +358,9 @@ def judge_family(members: Iterable[Member], progress: Callable[[int, int], None]
                  workers: int | None = None) -> list[Verdicts]:
     """Judge members in parallel processes, in their order.
 
-    An interrupt, or a process that dies, keeps what is done: fewer verdicts than members. Each process uses one BLAS
-    thread, and ends at once at a Ctrl-C in the terminal, which all processes get.
+    An interrupt, or a process that dies, keeps what is done: fewer verdicts than members. Each
+    process uses one BLAS thread, and ends at once at a Ctrl-C in the terminal, which all processes
+    get.
     """
     members = list(members)
     done: dict[int, Verdicts] = {}
@@ -343,10 +379,11 @@ def judge_family(members: Iterable[Member], progress: Callable[[int, int], None]
 
 def family_orbits(members: Sequence[Member], static_eccentricity: float, *, harmonics: int = 4,
                   steps: int = 10) -> tuple[NDArray, NDArray]:
-    """The steady states of all members at one eccentricity as one batch, raised to it in `steps` steps.
+    """The steady states of all members at one eccentricity as one batch, raised to it in `steps`
+    steps.
 
-    Returns the coefficients of the generator's x and z, m, (members, 2, 2m + 1), nan where a member has none on its
-    first leg, and an `Outcome` for each.
+    Returns the coefficients of the generator's x and z, m, (members, 2, 2m + 1), nan where a member
+    has none on its first leg, and an `Outcome` for each.
     """
     balance = HarmonicBalance(harmonics)
     machines = [member.machine() for member in members]
@@ -373,11 +410,14 @@ def tally(verdicts: Iterable[Verdicts], claim: int) -> dict[str, dict[str, int]]
 
 
 def stable_reach(study: Study) -> float:
-    """Largest eccentricity past the first fold at which a point of the later legs is stable; 0 if there is none."""
+    """Largest eccentricity past the first fold at which a point of the later legs is stable; 0 if
+    there is none.
+    """
     if study.kind == "plain":
         return 0.0
     beyond = zip(study.branch.static_eccentricity, study.stability, strict=True)
-    return max((float(value) for value, point in beyond if value > study.limit and point.verdict == "stable"),
+    return max((float(value) for value, point in beyond if value > study.limit
+                and point.verdict == "stable"),
                default=0.0)
 
 
@@ -393,7 +433,8 @@ def choose(verdicts: Iterable[Verdicts]) -> Member:
         changes = sensitivity(best.member)
         if max(abs(changes[key]) for key in INERTIAS) <= LARGEST_SENSITIVITY:
             return best.member
-    raise BadInput(f"on every member 1 % of a mass or an inertia moves the fold by over {LARGEST_SENSITIVITY} % of the gap.")
+    raise BadInput("on every member 1 % of a mass or an inertia moves the fold by over "
+                   f"{LARGEST_SENSITIVITY} % of the gap.")
 
 
 def rounded(value: float, digits: int = 4) -> float:
@@ -402,8 +443,11 @@ def rounded(value: float, digits: int = 4) -> float:
 
 
 def ship(member: Member, path: Path) -> Member:
-    """Write a member as the card `kaplan-150rpm`, its free data rounded to four digits and calibrated anew."""
-    member = calibrate({key: rounded(value) for key, value in member.free.items()}, member.reading, member.number)
+    """Write a member as the card `kaplan-150rpm`, its free data rounded to four digits and
+    calibrated anew.
+    """
+    member = calibrate({key: rounded(value) for key, value in member.free.items()}, member.reading,
+                       member.number)
     if isinstance(member, str):
         raise BadInput(f"the rounded member cannot be calibrated: {member}.")
     machine, card = member.machine(), read_card(FAMILY_CARD)
@@ -412,19 +456,24 @@ def ship(member: Member, path: Path) -> Member:
         table[key] = Entry(value, unit, "calibrated", note, value)
 
     card["about"] = (
-        "A large vertical generator unit after the paper's Kaplan plant in the north of Brazil. What the paper states is "
-        f"kept. Its Figure 1 is lost, so the rest is our own calibration and not the paper's: member {member.number} of "
-        f"the family of hydrolab.paper.calibration, with 200 µm counted {member.reading}, chosen because it agrees with most "
+        "A large vertical generator unit after the paper's Kaplan plant in the north of Brazil. "
+        "What the paper states is "
+        "kept. Its Figure 1 is lost, so the rest is our own calibration and not the paper's: "
+        f"member {member.number} of "
+        f"the family of hydrolab.paper.calibration, with 200 µm counted {member.reading}, chosen "
+        "because it agrees with most "
         "claims of the paper.")
     put(card["shaft"], "nodes", [rounded(y, 7) for y in machine.shaft.nodes], "m",
-        "12 elements and 9.04 m: paper; guide bearing at node 1: puts the first fold at 8.925 %; thrust bearing at node 6 "
+        "12 elements and 9.04 m: paper; guide bearing at node 1: puts the first fold at 8.925 %; "
+        "thrust bearing at node 6 "
         "and turbine bearing at node 11: drawn")
     for table, body in zip(card["bodies"], machine.bodies, strict=True):
         put(table, "mass", body.mass / 1000, "t", "drawn")
         put(table, "Id", rounded(body.Id, 6), "kg m^2", "drawn, by its share of Ip")
         put(table, "Ip", rounded(body.Ip, 6), "kg m^2", "drawn, by its radius of gyration")
         put(table, "unbalance", rounded(body.unbalance, 6), "kg m",
-            f"share drawn; size: 200 µm (0-to-peak) at the generator centre, {member.reading}, without eccentricity")
+            f"share drawn; size: 200 µm (0-to-peak) at the generator centre, {member.reading}, "
+            "without eccentricity")
         put(table, "phase", body.phase, "rad", "drawn" if body.phase else "reference")
     put(card["bodies"][1], "offset", machine.bodies[1].offset, "m", "drawn")
     write_card(card, path)
@@ -433,10 +482,13 @@ def ship(member: Member, path: Path) -> Member:
 
 if __name__ == "__main__":
     members = load_family().members
-    judged = judge_family(members, lambda done, of: print(f"{done}/{of} members", end="\r", flush=True))
+    judged = judge_family(members, lambda done,
+                          of: print(f"{done}/{of} members", end="\r", flush=True))
     if len(judged) < len(members):
-        raise SystemExit(f"Stopped after {len(judged)} of {len(members)} members: no choice is made and no card written.")
+        raise SystemExit(f"Stopped after {len(judged)} of {len(members)} members: no choice is "
+                         "made and no card written.")
     unit = ship(choose(judged), family_file().parent / f"{FAMILY_CARD}.toml")
-    print(f"{FAMILY_CARD} is member {unit.number}, {unit.reading}. Its fold moves, in % of the gap, by")
+    print(f"{FAMILY_CARD} is member {unit.number}, {unit.reading}. Its fold moves, in % of the "
+          "gap, by")
     for key, change in sensitivity(unit).items():
         print(f"  {key:24s} {change:+.4f}")

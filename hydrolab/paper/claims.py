@@ -1,8 +1,9 @@
 """The paper's claims, each with a numeric criterion, what was measured, and a verdict.
 
-The criteria were fixed before the family of machines was run, and nothing here is tuned to a machine. Amplitudes
-are 0-to-peak at the generator centre; "along" is the direction of the static eccentricity (x), "across" is z.
-Percentages are the paper's; `Study.eccentricity` says what they stand for on another machine.
+The criteria were fixed before the family of machines was run, and nothing here is tuned to a
+machine. Amplitudes are 0-to-peak at the generator centre; "along" is the direction of the static
+eccentricity (x), "across" is z. Percentages are the paper's; `Study.eccentricity` says what they
+stand for on another machine.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ class Claim:
     holds: bool | None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "holds", None if self.holds is None else bool(self.holds))  # plain, so that JSON takes it
+        # plain, so that JSON takes it
+        object.__setattr__(self, "holds", None if self.holds is None else bool(self.holds))
 
     @property
     def verdict(self) -> str:
@@ -61,11 +63,14 @@ def agreement(study: Study) -> Claim:
     orbit = study.orbits[8.8]
     size = largest_vibration(orbit.positions(PHASE), orbit.mean)
     difference = np.abs(path - orbit.positions(study.speed * times)).max(axis=1) / size
-    ok = None if study.check.interrupted else study.check.finished and bool((difference <= 0.01).all())
+    ok = None if study.check.interrupted else study.check.finished and bool((difference
+                                                                             <= 0.01).all())
     return Claim(
-        1, "At 8.8 % harmonic balance with four harmonics and direct integration agree, as orbits and in time.",
+        1, "At 8.8 % harmonic balance with four harmonics and direct integration agree, as orbits "
+           "and in time.",
         "x(t) and z(t) of the last three periods differ by at most 1 % of the largest vibration",
-        f"largest difference {100 * difference[0]:.3f} % in x, {100 * difference[1]:.3f} % in z. {study.check.stopped}",
+        f"largest difference {100 * difference[0]:.3f} % in x, {100 * difference[1]:.3f} % in z. "
+        f"{study.check.stopped}",
         ok)
 
 
@@ -77,9 +82,11 @@ def centre_moves(study: Study) -> Claim:
     growth = abs(first(now) / first(start) - 1)
     return Claim(
         2, "Below 3 to 4 % the static eccentricity mainly shifts the orbit's centre.",
-        "from 0 to 3 % the centre moves at least 5 times as far as any harmonic amplitude changes, 1X changes by at "
+        "from 0 to 3 % the centre moves at least 5 times as far as any harmonic amplitude changes, "
+        "1X changes by at "
         "most 10 %, and 2X stays below 5 % of 1X",
-        f"the centre moves {1e6 * shift:.0f} µm, no amplitude changes by more than {1e6 * change:.1f} µm; "
+        f"the centre moves {1e6 * shift:.0f} µm, no amplitude changes by more than "
+        f"{1e6 * change:.1f} µm; "
         f"1X along changes by {100 * growth:.1f} %; 2X is {100 * second_share(now):.1f} % of 1X",
         shift > 5 * change and growth <= 0.1 and second_share(now) < 0.05)
 
@@ -90,9 +97,11 @@ def becomes_ellipse(study: Study) -> Claim:
     rest = second_share(study.orbits[7.0])
     return Claim(
         3, "Beyond 3 to 4 % the orbit changes shape; at 7 % it is elliptical.",
-        "the 1X ellipse has a ratio of axes of at least 0.98 at 1 % and at most 0.90 at 7 %, with 2X below 10 % of 1X "
+        "the 1X ellipse has a ratio of axes of at least 0.98 at 1 % and at most 0.90 at 7 %, with "
+        "2X below 10 % of 1X "
         "there, so that it is still an ellipse",
-        f"ratio of axes {early.ratio:.3f} at 1 %, {late.ratio:.3f} at 7 %; 2X is {100 * rest:.1f} % of 1X at 7 %",
+        f"ratio of axes {early.ratio:.3f} at 1 %, {late.ratio:.3f} at 7 %; 2X is {100 * rest:.1f} "
+        "% of 1X at 7 %",
         early.ratio >= 0.98 and late.ratio <= 0.90 and rest < 0.10)
 
 
@@ -105,10 +114,12 @@ def grows_rapidly(study: Study) -> Claim:
         beyond = (first(o[8.9], harmonic) - first(o[8.0], harmonic)) / 0.9
         rates.append((before, beyond))
     ok = all(beyond > 0 and beyond >= 3 * before for before, beyond in rates)
-    words = "; ".join(f"{k}X along grows by {1e6 * a:.1f} µm per % from 4 to 8 % and by {1e6 * b:.1f} from 8 to 8.9 %"
+    words = "; ".join(f"{k}X along grows by {1e6 * a:.1f} µm per % from 4 to 8 % and by "
+                      f"{1e6 * b:.1f} from 8 to 8.9 %"
                       for k, (a, b) in enumerate(rates, 1))
     return Claim(4, "Beyond 8 % the amplitudes of the harmonics grow rapidly.",
-                 "1X and 2X along the eccentricity grow at least 3 times as fast per % from 8 to 8.9 % as from 4 to 8 %",
+                 "1X and 2X along the eccentricity grow at least 3 times as fast per % from 8 to "
+                 "8.9 % as from 4 to 8 %",
                  words, ok)
 
 
@@ -121,7 +132,8 @@ def has_loop(study: Study) -> Claim:
     looped = [f"{p:g} %" for p, n in crossings.items() if n]
     return Claim(
         5, "As the second harmonic grows the orbit presents a loop.",
-        "the orbit at 8.9 % crosses itself, also with mean, 1X and 2X alone, and no orbit below 8 % does",
+        "the orbit at 8.9 % crosses itself, also with mean, 1X and 2X alone, and no orbit below 8 "
+        "% does",
         f"crossings at 8.9 %: {crossings[8.9]}, with 1X and 2X alone: {alone}; orbits with a loop: "
         f"{', '.join(looped) or 'none'}; 2X is {100 * second_share(last):.0f} % of 1X at 8.9 %",
         crossings[8.9] > 0 and alone > 0 and not any(n for p, n in crossings.items() if p < 8))
@@ -140,22 +152,29 @@ def nothing_beyond(study: Study) -> Claim:
         growth = largest_vibration(path, path.mean(axis=1)) / vibration
         again = study.beyond.recurrence(), study.beyond.recurrence(2)
         name = ("settles on an orbit of one revolution" if again[0] < 1e-3 else
-                "settles on an orbit of two revolutions" if again[1] < 1e-3 else "stays bounded without repeating")
+                "settles on an orbit of two revolutions" if again[1] < 1e-3 else "stays bounded "
+                "without repeating")
         motion = f"Started at 9.0 % on the 8.9 % orbit the motion {name}, {growth:.2f} times as large."
     turn = f"The branch turns at {100 * study.limit / study.scale:.3f} % (a fold)" if study.branch.folds else (
         "The branch has no fold")
     loss = study.first_loss
     lost = "stable up to there" if loss is None else f"but is no longer stable from {100 * loss / study.scale:.2f} %"
-    there = [f"{verdict.verdict} (largest multiplier {verdict.largest:.2f})" if verdict.largest < 100 else
-             f"{verdict.verdict} (largest multiplier above 100)" for _, verdict in study.beyond_orbits]
-    exists = (f"At 9.0 % the branch, past its folds, has {len(there)} steady state{'s' if len(there) > 1 else ''}: "
+    there = [f"{verdict.verdict} (largest multiplier {verdict.largest:.2f})"
+             if verdict.largest < 100 else
+             f"{verdict.verdict} (largest multiplier above 100)"
+             for _, verdict in study.beyond_orbits]
+    exists = (f"At 9.0 % the branch, past its folds, has {len(there)} steady "
+              f"state{'s' if len(there) > 1 else ''}: "
               f"{', '.join(there)}; so that none was found does not mean that there is none."
               if there else "At 9.0 % the branch has no steady state." if study.branch.folds else
               f"The branch was followed to {100 * study.limit / study.scale:.3f} % and no further.")
     return Claim(
-        6, "Beyond about 8.9 % no steady state is found, and a small increment there means a huge increase.",
-        "the paper's procedure (dog-leg from the last solution, steps of 0.1 %) stops between 8.8 and 9.0 %, and "
-        "direct integration at 9.0 % from the 8.9 % orbit ends in contact or in a vibration at least 1.5 times as large",
+        6, "Beyond about 8.9 % no steady state is found, and a small increment there means a huge "
+           "increase.",
+        "the paper's procedure (dog-leg from the last solution, steps of 0.1 %) stops between 8.8 "
+        "and 9.0 %, and "
+        "direct integration at 9.0 % from the 8.9 % orbit ends in contact or in a vibration at "
+        "least 1.5 times as large",
         f"the procedure stops after {last:.1f} %. {turn}, {lost}. {motion} {exists}",
         None if growth is None else 8.8 <= round(last, 6) < 9.0 and growth >= 1.5)
 
@@ -163,23 +182,29 @@ def nothing_beyond(study: Study) -> Claim:
 def whole_shaft(study: Study) -> Claim:
     """Claim 7: the whole shaft behaves so."""
     if study.machine.shaft is None:
-        return Claim(7, SHAFT_SENTENCE, "the whole shaft", "the machine has no shaft, so there is nothing to judge", False)
+        return Claim(7, SHAFT_SENTENCE, "the whole shaft", "the machine has no shaft, so there is "
+                                                           "nothing to judge", False)
     nodes = range(len(study.model.depths))
-    o = {p: [study.orbits[p].node_coefficients(n) for n in nodes] for p in (0.0, 1.0, 5.0, 7.0, 8.9)}
+    o = {p: [study.orbits[p].node_coefficients(n) for n in nodes]
+         for p in (0.0, 1.0, 5.0, 7.0, 8.9)}
 
     def share(orbits: list[NDArray], test: Callable[[NDArray], bool]) -> int:
         return sum(test(c) for c in orbits)
 
-    circles = sum(abs(ellipse(b).major / ellipse(a).major - 1) <= 0.05 for a, b in zip(o[0.0], o[1.0], strict=True))
+    circles = sum(abs(ellipse(b).major / ellipse(a).major - 1) <= 0.05
+                  for a, b in zip(o[0.0], o[1.0], strict=True))
     bend = [float(np.ptp([np.hypot(*c[:, 0]) for c in o[p]])) for p in (1.0, 5.0)]
     ellipses = share(o[7.0], lambda c: ellipse(c).ratio <= 0.9)
     seconds = share(o[8.9], lambda c: ellipse(c, 2).major >= 0.05 * ellipse(c).major)
     most = len(nodes) // 2 + 1
     return Claim(
         7, SHAFT_SENTENCE,
-        f"at most nodes (at least {most} of {len(nodes)}): 1X within 5 % of its value at 0 % when at 1 %; ratio of axes "
-        "at most 0.90 at 7 %; 2X at least 5 % of 1X at 8.9 %; and the mean bend at 5 % at least 3 times that at 1 %",
-        f"1X unchanged at 1 % at {circles} nodes; elliptical at 7 % at {ellipses}; 2X visible at 8.9 % at {seconds}; mean "
+        f"at most nodes (at least {most} of {len(nodes)}): 1X within 5 % of its value at 0 % when "
+        "at 1 %; ratio of axes "
+        "at most 0.90 at 7 %; 2X at least 5 % of 1X at 8.9 %; and the mean bend at 5 % at least 3 "
+        "times that at 1 %",
+        f"1X unchanged at 1 % at {circles} nodes; elliptical at 7 % at {ellipses}; 2X visible at "
+        f"8.9 % at {seconds}; mean "
         f"bend {1e6 * bend[0]:.0f} µm at 1 %, {1e6 * bend[1]:.0f} µm at 5 %",
         min(circles, ellipses, seconds) >= most and bend[1] >= 3 * bend[0])
 
@@ -193,16 +218,19 @@ def four_are_enough(study: Study) -> Claim:
             four = study.orbits[p]
             more = balance.solve(study.model, study.speed, four.static_eccentricity, start=four)
             size = largest_vibration(four.positions(PHASE), four.mean)
-            worst = max(worst, float(np.abs(more.positions(PHASE) - four.positions(PHASE)).max()) / size)
+            worst = max(worst, float(np.abs(more.positions(PHASE) - four.positions(PHASE)).max())
+                        / size)
         if study.branch.folds:
             near = Arclength(balance, max_folds=1, tail=0)
             fold = follow(study.model, speed=study.speed, to=0.5, method=near, start=more).folds
             moved = max(moved, abs(fold[0].value - study.limit) if fold else math.inf)
     return Claim(
         8, "Four harmonics and the mean are enough to describe the dynamics.",
-        "with 8 and with 16 harmonics the orbits at 8.8 and 8.9 % change by at most 1 % of the largest vibration and "
+        "with 8 and with 16 harmonics the orbits at 8.8 and 8.9 % change by at most 1 % of the "
+        "largest vibration and "
         "the first fold moves by at most 0.01 % of the gap",
-        f"orbits change by at most {100 * worst:.4f} %; the fold moves by {100 * moved:.6f} % of the gap",
+        f"orbits change by at most {100 * worst:.4f} %; the fold moves by {100 * moved:.6f} % of "
+        "the gap",
         worst <= 0.01 and moved <= 1e-4)
 
 
@@ -211,8 +239,10 @@ def can_double(study: Study) -> Claim:
     o = study.orbits
     ratio = [first(o[p]) / first(o[0.0]) for p in (8.0, 8.8, 8.9)]
     return Claim(9, "The amplitude of the vibrations can be doubled.",
-                 "1X along the eccentricity, 0-to-peak, is at least twice as large at 8.9 % as at 0 %",
-                 f"it grows by a factor {ratio[0]:.2f} at 8 %, {ratio[1]:.2f} at 8.8 %, {ratio[2]:.2f} at 8.9 %",
+                 "1X along the eccentricity, 0-to-peak, is at least twice as large at 8.9 % as at "
+                 "0 %",
+                 f"it grows by a factor {ratio[0]:.2f} at 8 %, {ratio[1]:.2f} at 8.8 %, "
+                 f"{ratio[2]:.2f} at 8.9 %",
                  ratio[-1] >= 2)
 
 
@@ -222,56 +252,70 @@ def sign_for_diagnosis(study: Study) -> Claim:
     shares = {p: second_share(study.orbits[p]) for p in (3.0, 5.0, 7.0, 8.0, 8.8)}
     ratio = ellipse(centred.coefficients).ratio, ellipse(late.coefficients).ratio
     return Claim(
-        10, "With static eccentricity the orbit becomes anisotropic and 2X appears: a sign for diagnosis.",
-        "at 0 % the ratio of axes is at least 0.999 and 2X below 1e-6 of 1X; at 8.8 % the ratio is at most 0.90 and 2X "
+        10, "With static eccentricity the orbit becomes anisotropic and 2X appears: a sign for "
+            "diagnosis.",
+        "at 0 % the ratio of axes is at least 0.999 and 2X below 1e-6 of 1X; at 8.8 % the ratio is "
+        "at most 0.90 and 2X "
         "at least 5 % of 1X",
         f"ratio of axes {ratio[0]:.4f} at 0 %, {ratio[1]:.3f} at 8.8 %; 2X over 1X "
         + ", ".join(f"{100 * s:.1f} % at {p:g} %" for p, s in shares.items()),
-        ratio[0] >= 0.999 and second_share(centred) < 1e-6 and ratio[1] <= 0.90 and shares[8.8] >= 0.05)
+        ratio[0] >= 0.999 and second_share(centred) < 1e-6 and ratio[1] <= 0.90
+        and shares[8.8] >= 0.05)
 
 
 def linear_underestimates(study: Study) -> Claim:
     """Claim 11: the negative stiffness underestimates the pull's effect."""
     gap = replace(study.machine.air_gap, linear=True)
-    linear, balance = replace(study.machine, air_gap=gap, poles=None, shapes=()).model(), HarmonicBalance(1)
+    linear, balance = replace(study.machine, air_gap=gap, poles=None,
+                              shapes=()).model(), HarmonicBalance(1)
     rows = {}
     for p in (1.0, 3.0, 5.0, 7.0, 8.0, 8.8):
         exact = study.orbits[p]
         guess = balance.solve(linear, study.speed, exact.static_eccentricity)
         rows[p] = (np.hypot(*guess.mean) / np.hypot(*exact.mean), first(guess) / first(exact))
-    words = ", ".join(f"{p:g} %: {100 * (1 - a):.1f} and {100 * (1 - b):.1f} %" for p, (a, b) in rows.items())
+    words = ", ".join(f"{p:g} %: {100 * (1 - a):.1f} and {100 * (1 - b):.1f} %"
+                      for p, (a, b) in rows.items())
     ok = all(a < 1 and b < 1 for a, b in rows.values()) and min(1 - r for r in rows[8.8]) >= 0.05
     return Claim(
         11, "The linear negative stiffness underestimates the effect of the pull.",
-        "mean displacement and 1X along are smaller with the negative stiffness at every eccentricity from 1 to 8.8 %, "
+        "mean displacement and 1X along are smaller with the negative stiffness at every "
+        "eccentricity from 1 to 8.8 %, "
         "by at least 5 % at 8.8 %",
         f"it is short by (mean and 1X) {words}; and it knows no fold at all", ok)
 
 
 def fluctuating_stress(study: Study) -> Claim:
-    """Claim 12: the conclusion's sentence about stresses, which must mean the opposite (see the errata)."""
+    """Claim 12: the conclusion's sentence about stresses, which must mean the opposite (see the
+    errata).
+    """
     shaft = study.machine.shaft
     if shaft is None:
-        return Claim(12, STRESS_SENTENCE, STRESS_CRITERION, "the machine has no shaft, so there is no stress to judge",
+        return Claim(12, STRESS_SENTENCE, STRESS_CRITERION, "the machine has no shaft, so there is "
+                     "no stress to judge",
                      False)
     centred, late = (stress_fluctuation(shaft, study.orbits[p]) for p in (0.0, 8.8))
     return Claim(
         12, STRESS_SENTENCE, STRESS_CRITERION,
-        f"fluctuation (0-to-peak) {centred / 1e6:.3f} MPa at 0 %, {late / 1e6:.2f} MPa at 8.8 %: the sentence as printed is "
-        + ("true" if centred >= 0.1 * late else "false; with 'without axisymmetry' in its place it is true"
+        f"fluctuation (0-to-peak) {centred / 1e6:.3f} MPa at 0 %, {late / 1e6:.2f} MPa at 8.8 %: "
+        "the sentence as printed is "
+        + ("true" if centred >= 0.1 * late else "false; with 'without axisymmetry' in its place it "
+                                                "is true"
            if late > 0 else "false"),
         centred >= 0.1 * late)
 
 
-SHAFT_SENTENCE = ("The whole shaft behaves so: 1 % shifts it, 5 % bends it more, 7 % makes the orbits elliptical, at 8.9 % "
+SHAFT_SENTENCE = ("The whole shaft behaves so: 1 % shifts it, 5 % bends it more, 7 % makes the "
+                  "orbits elliptical, at 8.9 % "
                   "the second harmonic shows on a highly bent shaft.")
 STRESS_SENTENCE = "'When the system works with axisimmetry, there are fluctuating stresses acting on the shaft.'"
-STRESS_CRITERION = ("in a fibre that turns with the shaft, the bending stress at 0 % (an axisymmetric machine) "
+STRESS_CRITERION = ("in a fibre that turns with the shaft, the bending stress at 0 % (an "
+                    "axisymmetric machine) "
                     "fluctuates by at least a tenth of what it does at 8.8 %")
 
 
 CLAIMS: tuple[Callable[[Study], Claim], ...] = (
-    agreement, centre_moves, becomes_ellipse, grows_rapidly, has_loop, nothing_beyond, whole_shaft, four_are_enough,
+    agreement, centre_moves, becomes_ellipse, grows_rapidly, has_loop, nothing_beyond, whole_shaft,
+    four_are_enough,
     can_double, sign_for_diagnosis, linear_underestimates, fluctuating_stress)
 
 

@@ -1,7 +1,9 @@
-"""Which fault explains a spectrum? What each does to the mean, 1X, 2X, 3X and the orbit, with the field and the speed.
+"""Which fault explains a spectrum? What each does to the mean, 1X, 2X, 3X and the orbit, with the
+field and the speed.
 
-An engineer switches the excitation off and looks again: what goes away was the pull's. Every line here is a steady state of
-the whole machine with one thing wrong, solved by harmonic balance, and its stability.
+An engineer switches the excitation off and looks again: what goes away was the pull's. Every line
+here is a steady state of the whole machine with one thing wrong, solved by harmonic balance, and
+its stability.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ STEPS = 24  # from a preload to the clearance, where a solver does not find the 
 
 @dataclass(frozen=True)
 class Fault:
-    """A machine with one thing wrong, and the static eccentricity of its stator (fraction of the gap)."""
+    """A machine with one thing wrong, and the static eccentricity of its stator (fraction of the
+    gap).
+    """
 
     name: str
     machine: Machine
@@ -36,7 +40,8 @@ class Fault:
 class FaultRow:
     """The steady state of a faulty machine at a field (times its own) and a speed (rad/s).
 
-    orbit: None where none was found; said then says why. verdict: "stable", "unstable" or "unknown"; "" without an orbit.
+    orbit: None where none was found; said then says why. verdict: "stable", "unstable" or
+    "unknown"; "" without an orbit.
     """
 
     fault: str
@@ -64,14 +69,17 @@ class FaultRow:
         start = f"{self.fault:<18} {self.field:5.3g} {self.speed * 30 / math.pi:6.4g}"
         if self.orbit is None:
             return f"{start}  {self.said}"
-        sizes = " ".join(f"{1e6 * v:7.1f}" for v in (self.mean, self.size(1), self.size(2), self.size(3)))
+        sizes = " ".join(f"{1e6 * v:7.1f}" for v in (self.mean, self.size(1), self.size(2),
+                                                     self.size(3)))
         turns = "forward" if self.shape.forward else "backward"
         return f"{start} {sizes}  {self.shape.ratio:4.2f} {turns:<8}  {self.verdict}"
 
 
 @dataclass(frozen=True, eq=False)
 class FaultTable:
-    """Steady states of a machine with each fault, field and speed; prints as a table in µm, 0-to-peak."""
+    """Steady states of a machine with each fault, field and speed; prints as a table in µm,
+    0-to-peak.
+    """
 
     machine: Machine
     rows: tuple[FaultRow, ...]
@@ -85,7 +93,8 @@ class FaultTable:
         for row in self.rows:
             if row.fault == fault and row.field == field and math.isclose(row.speed, speed):
                 return row
-        raise BadInput(f"no row has fault {fault!r}, field {field:g} and speed {speed:g} rad/s; faults are "
+        raise BadInput(f"no row has fault {fault!r}, field {field:g} and speed {speed:g} rad/s; "
+                       "faults are "
                        f"{', '.join(self.faults)}.")
 
     @property
@@ -94,47 +103,60 @@ class FaultTable:
         return tuple(dict.fromkeys(row.fault for row in self.rows))
 
     def __str__(self) -> str:
-        head = (f"{self.machine.name}: major half axes of the generator centre's motion, µm 0-to-peak; 1X shape is minor "
-                f"over major\n{'fault':<18} {'field':>5} {'rpm':>6} {'mean':>7} {'1X':>7} {'2X':>7} {'3X':>7}  1X shape")
+        head = (f"{self.machine.name}: major half axes of the generator centre's motion, µm "
+                "0-to-peak; 1X shape is minor "
+                f"over major\n{'fault':<18} {'field':>5} {'rpm':>6} {'mean':>7} {'1X':>7} "
+                f"{'2X':>7} {'3X':>7}  1X shape")
         return "\n".join([head, *map(str, self.rows)])
 
 
 def typical_faults(machine: Machine, static_eccentricity: float = 0.02) -> list[Fault]:
-    """The machine as it is, and with five things wrong, each of a size that is met in practice; own choice of numbers.
+    """The machine as it is, and with five things wrong, each of a size that is met in practice; own
+    choice of numbers.
 
-    The first radial bearing is replaced by pads or a film, or keeps its place above a crack in the element below it.
-    Offset: 7 %; clearance: 100 µm, eight pads, each as stiff as the linear bearing; film: 30 mPa s, clearance 0.4 per
-    mille of the journal's radius (1.1 times the shaft's), length 0.6 of it; crack: 20 % of the diameter.
-    Raises BadInput for a machine without a shaft, an air gap or a radial bearing with an element below it.
+    The first radial bearing is replaced by pads or a film, or keeps its place above a crack in the
+    element below it. Offset: 7 %; clearance: 100 µm, eight pads, each as stiff as the linear
+    bearing; film: 30 mPa s, clearance 0.4 per mille of the journal's radius (1.1 times the
+    shaft's), length 0.6 of it; crack: 20 % of the diameter. Raises BadInput for a machine without a
+    shaft, an air gap or a radial bearing with an element below it.
     """
     shaft = machine.shaft
     if shaft is None or machine.air_gap is None or not machine.bearings:
-        raise BadInput(f"{machine.name} lacks a shaft, an air gap or a radial bearing, so it has no typical faults.")
+        raise BadInput(f"{machine.name} lacks a shaft, an air gap or a radial bearing, so it has "
+                       "no typical faults.")
     guide, others = machine.bearings[0], machine.bearings[1:]
     if guide.node >= machine.nodes - 1:
-        raise BadInput(f"bearings.{guide.name}.node is {guide.node}, the last one; a crack needs an element below it.")
+        raise BadInput(f"bearings.{guide.name}.node is {guide.node}, the last one; a crack needs "
+                       "an element below it.")
     radius = 0.55 * float(shaft.diameter[guide.node])
     pads = PadBearing("pads", guide.node, 8, float(guide.stiffness[0, 0]), 1e-4)
     film = JournalFilm("film", guide.node, 0.03, radius, 0.6 * radius, 4e-4 * radius)
     crack = Crack("crack", guide.node, 0.2)
     return [Fault("none", machine, static_eccentricity),
             Fault("stator offset", machine, 0.07),
-            Fault("pad clearance", replace(machine, bearings=others, pad_bearings=(pads,)), static_eccentricity),
-            Fault("oil film", replace(machine, bearings=others, films=(film,)), static_eccentricity),
+            Fault("pad clearance", replace(machine, bearings=others, pad_bearings=(pads,)),
+                  static_eccentricity),
+            Fault("oil film", replace(machine, bearings=others, films=(film,)),
+                  static_eccentricity),
             Fault("breathing crack", replace(machine, cracks=(crack,)), static_eccentricity),
-            Fault("slot", replace(machine, cracks=(replace(crack, breathing="open"),)), static_eccentricity)]
+            Fault("slot", replace(machine, cracks=(replace(crack, breathing="open"),)),
+                  static_eccentricity)]
 
 
-def fault_table(machine: Machine, faults: Iterable[Fault] | None = None, *, fields: Iterable[float] = (1.0, 0.0),
+def fault_table(machine: Machine, faults: Iterable[Fault] | None = None, *,
+                fields: Iterable[float] = (1.0, 0.0),
                 speeds: Iterable[float] | None = None, harmonics: int = 24) -> FaultTable:
-    """Solve for the steady state of every fault at every field (times the machine's own) and speed (rad/s).
+    """Solve for the steady state of every fault at every field (times the machine's own) and speed
+    (rad/s).
 
-    By default the typical faults, with the field on and off, at the rated speed and four fifths of it.
+    By default the typical faults, with the field on and off, at the rated speed and four fifths of
+    it.
     """
     speeds = (machine.speed, 0.8 * machine.speed) if speeds is None else tuple(speeds)
     method = HarmonicBalance(harmonics)
     rows = [_row(fault, float(field), float(speed), method)
-            for fault in (typical_faults(machine) if faults is None else faults) for speed in speeds for field in fields]
+            for fault in (typical_faults(machine) if faults is None else faults)
+            for speed in speeds for field in fields]
     return FaultTable(machine, tuple(rows))
 
 
@@ -146,11 +168,13 @@ def _row(fault: Fault, field: float, speed: float, method: HarmonicBalance) -> F
     return FaultRow(fault.name, field, speed, orbit, floquet(orbit).verdict)
 
 
-def _steady_state(fault: Fault, field: float, speed: float, method: HarmonicBalance) -> PeriodicOrbit:
+def _steady_state(fault: Fault, field: float, speed: float,
+                  method: HarmonicBalance) -> PeriodicOrbit:
     """The steady state, for pads reached from a preload that is opened step by step."""
     orbit = None
     for closed in np.linspace(3, 0, STEPS) if fault.machine.pad_bearings else (0.0,):
-        pads = tuple(replace(p, clearance=p.clearance - closed * abs(p.clearance), rounding=p.law().rounding)
+        pads = tuple(replace(p, clearance=p.clearance - closed * abs(p.clearance),
+                             rounding=p.law().rounding)
                      for p in fault.machine.pad_bearings)
         model = replace(fault.machine, pad_bearings=pads).model().with_field(field)
         orbit = method.solve(model, speed, fault.static_eccentricity, start=orbit)

@@ -1,4 +1,6 @@
-"""What `hydrolab study` prints and writes: the claims beside the numbers, the figures, and report.json."""
+"""What `hydrolab study` prints and writes: the claims beside the numbers, the figures, and
+report.json.
+"""
 
 from __future__ import annotations
 
@@ -35,19 +37,28 @@ def machine_record(study: Study) -> dict[str, Any]:
         "name": machine.name, "speed_rpm": machine.speed * 30 / math.pi,
         "shaft": None if shaft is None else {
             "element": shaft.element, "diameter": one_or_list(shaft.diameter),
-            "inner_diameter": one_or_list(shaft.inner_diameter), "density": shaft.density, "young": shaft.young,
-            "poisson": shaft.poisson, "shear_coefficient": shaft.shear_coefficient, "nodes": shaft.nodes.tolist()},
-        "bodies": [{"name": b.name, "node": b.node, "offset": b.offset, "mass": b.mass, "Id": b.Id, "Ip": b.Ip,
+            "inner_diameter": one_or_list(shaft.inner_diameter), "density": shaft.density,
+            "young": shaft.young,
+            "poisson": shaft.poisson, "shear_coefficient": shaft.shear_coefficient,
+            "nodes": shaft.nodes.tolist()},
+        "bodies": [{"name": b.name, "node": b.node, "offset": b.offset, "mass": b.mass, "Id": b.Id,
+                    "Ip": b.Ip,
                     "unbalance": b.unbalance, "phase": b.phase} for b in machine.bodies],
         "bearings": [{"name": b.name, "node": b.node, "stiffness": one_or_matrix(b.stiffness),
-                      "damping": one_or_matrix(b.damping), "tilt_stiffness": 0.0} for b in machine.bearings]
-        + [{"name": b.name, "node": b.node, "stiffness": 0.0, "damping": 0.0, "tilt_stiffness": b.tilt_stiffness}
+                      "damping": one_or_matrix(b.damping), "tilt_stiffness": 0.0}
+                     for b in machine.bearings]
+        + [{"name": b.name, "node": b.node, "stiffness": 0.0, "damping": 0.0,
+            "tilt_stiffness": b.tilt_stiffness}
            for b in machine.thrust_bearings],
-        "damping": {"ratio": one_or_list(machine.damping.ratio) if machine.damping else None, "alpha": alpha,
+        "damping": {"ratio": one_or_list(machine.damping.ratio) if machine.damping else None,
+                    "alpha": alpha,
                     "beta": beta},
-        "air_gap": {"field": gap.field, "mean_radius": gap.mean_radius, "length": gap.length, "gap": gap.gap,
-                    **{key: value for key in ("tilt", "linear", "tangential") if (value := getattr(gap, key))}}}
-    for key in ("pad_bearings", "films", "cracks", "shapes"):  # what the paper's machine does not have, where there is some
+        "air_gap": {"field": gap.field, "mean_radius": gap.mean_radius, "length": gap.length,
+                    "gap": gap.gap,
+                    **{key: value for key in ("tilt", "linear", "tangential")
+                       if (value := getattr(gap, key))}}}
+    # what the paper's machine does not have, where there is some
+    for key in ("pad_bearings", "films", "cracks", "shapes"):
         if parts := getattr(machine, key):
             record[key] = [asdict(part) for part in parts]
     if machine.poles:
@@ -75,7 +86,9 @@ def orbit_record(orbit: PeriodicOrbit) -> dict[str, Any]:
 
 
 def further_orbits(study: Study) -> list[dict[str, Any]]:
-    """Steady states off the first leg, at the study's eccentricities from 8 % up, each with its stability."""
+    """Steady states off the first leg, at the study's eccentricities from 8 % up, each with its
+    stability.
+    """
     found = []
     for percentage in (8.0, 8.5, 8.8, 8.9, 9.0):
         value = study.eccentricity(percentage)
@@ -86,7 +99,8 @@ def further_orbits(study: Study) -> list[dict[str, Any]]:
     return found
 
 
-def report(study: Study, claims: Iterable[Claim], family: dict[int, Any] | None = None) -> dict[str, Any]:
+def report(study: Study, claims: Iterable[Claim],
+           family: dict[int, Any] | None = None) -> dict[str, Any]:
     """The content of report.json. Axes and phases as in the README's conventions."""
     check, beyond = study.check, study.beyond
     return {
@@ -95,22 +109,29 @@ def report(study: Study, claims: Iterable[Claim], family: dict[int, Any] | None 
         "orbits": [orbit_record(o) for o in study.orbits.values()],
         "further_orbits": further_orbits(study),
         "branch": {"static_eccentricity": study.branch.static_eccentricity.tolist(),
-                   "folds": [f.value for f in study.branch.folds], "stopped": study.branch.stopped, "kind": study.kind,
-                   "stability_lost_at": study.first_loss, "natural_continuation": study.natural.stopped},
+                   "folds": [f.value for f in study.branch.folds], "stopped": study.branch.stopped,
+                   "kind": study.kind,
+                   "stability_lost_at": study.first_loss,
+                   "natural_continuation": study.natural.stopped},
         "time_integration": {
-            "method": type(check.method).__name__, "steps_per_revolution": check.method.steps_per_revolution,
+            "method": type(check.method).__name__,
+            "steps_per_revolution": check.method.steps_per_revolution,
             "modes_and_static_deflections": check.model.size, "truncation_error": study.truncation,
-            "validation": {"static_eccentricity": check.static_eccentricity, "revolutions": check.revolutions,
+            "validation": {"static_eccentricity": check.static_eccentricity,
+                           "revolutions": check.revolutions,
                            "stopped": check.stopped, **coefficients_record(check)},
             "beyond": None if beyond is None else {
-                "static_eccentricity": beyond.static_eccentricity, "revolutions": beyond.revolutions,
+                "static_eccentricity": beyond.static_eccentricity,
+                "revolutions": beyond.revolutions,
                 "revolutions_asked": REVOLUTIONS_BEYOND, "stopped": beyond.stopped}},
-        "claims": [{"id": c.id, "claim": c.claim, "criterion": c.criterion, "measured": c.measured, "holds": c.holds,
+        "claims": [{"id": c.id, "claim": c.claim, "criterion": c.criterion, "measured": c.measured,
+                    "holds": c.holds,
                     "family": family[c.id] if family else None} for c in claims]}
 
 
 def coefficients_record(trajectory: Any) -> dict[str, Any]:
-    """Mean and harmonics of the last revolution, as in `orbit_record`; none where it ended early."""
+    """Mean and harmonics of the last revolution, as in `orbit_record`; none where it ended early.
+    """
     if not trajectory.finished:
         return {}
     return {name: {"mean": float(c[0]), "cos": c[2::2].tolist(), "sin": c[1::2].tolist()}
@@ -119,7 +140,8 @@ def coefficients_record(trajectory: Any) -> dict[str, Any]:
 
 def claims_table(claims: Iterable[Claim], family: dict[int, Any] | None = None) -> Table:
     """The claims beside what was computed."""
-    table = Table(title="The paper's claims, and what was computed", show_lines=True, title_justify="left")
+    table = Table(title="The paper's claims, and what was computed", show_lines=True,
+                  title_justify="left")
     table.add_column("", justify="right")
     table.add_column("Claim and criterion", ratio=5)
     table.add_column("Measured", ratio=5)
@@ -127,53 +149,68 @@ def claims_table(claims: Iterable[Claim], family: dict[int, Any] | None = None) 
     if family:
         table.add_column("Family", ratio=2)
     for c in claims:
-        row = [Text(str(c.id)), Text.assemble(f"{c.claim}\n", (f"Criterion: {c.criterion}.", "dim")), Text(c.measured),
+        row = [Text(str(c.id)), Text.assemble(f"{c.claim}\n",
+                                              (f"Criterion: {c.criterion}.", "dim")),
+               Text(c.measured),
                Text(c.verdict, COLOURS[c.verdict])]
         if family:
-            row.append(Text("\n".join(f"{kind}: {n['agree']} of {n['of']}" for kind, n in family[c.id].items())))
+            row.append(Text("\n".join(f"{kind}: {n['agree']} of {n['of']}"
+                                      for kind, n in family[c.id].items())))
         table.add_row(*row)
     return table
 
 
 def sensitivity_table(machine: Machine) -> Table:
-    """The free data of the paper's machine: ranges they were drawn from, this unit's values, and what its fold does."""
+    """The free data of the paper's machine: ranges they were drawn from, this unit's values, and
+    what its fold does.
+    """
     from hydrolab.paper.calibration import FREE, STEPS, member_of, sensitivity
     member = member_of(machine, "with field")
     changes = sensitivity(member)
-    table = Table(title="What the paper does not say, and how the first fold depends on it", title_justify="left",
-                  caption="The 200 µm are kept. A centimetre of guide-bearing depth moves the fold by about 0.3 % of the "
-                          "gap on any unit, so equal elements, with bearings at 0.75 or 1.51 m, do not fit.",
+    table = Table(title="What the paper does not say, and how the first fold depends on it",
+                  title_justify="left",
+                  caption="The 200 µm are kept. A centimetre of guide-bearing depth moves the fold "
+                          "by about 0.3 % of the "
+                          "gap on any unit, so equal elements, with bearings at 0.75 or 1.51 m, do "
+                          "not fit.",
                   caption_justify="left")
     for name in ("datum", "drawn from", "this unit", "step", "fold moves, % of the gap"):
         table.add_column(name, justify="left" if name == "datum" else "right")
     for key, datum in FREE.items():
-        table.add_row(datum.meaning, f"{datum.low:.6g} to {datum.high:.6g} {datum.unit.removeprefix('1')}".strip(),
+        table.add_row(datum.meaning, f"{datum.low:.6g} to {datum.high:.6g} "
+                                     f"{datum.unit.removeprefix('1')}".strip(),
                       f"{member.free[key]:.6g}", STEPS[key].said, f"{changes[key]:+.4f}")
-    table.add_row("depth of the guide bearing", "calibrated, m", f"{member.bearing_depth:.4g}", "+1 cm",
+    table.add_row("depth of the guide bearing", "calibrated, m", f"{member.bearing_depth:.4g}",
+                  "+1 cm",
                   f"{changes['guide_bearing_depth']:+.4f}")
     return table
 
 
 def judged_family(tell: Any) -> tuple[dict[int, Any], int, int]:
-    """How many members agree with each claim, by kind of branch; how many were judged, and of how many."""
+    """How many members agree with each claim, by kind of branch; how many were judged, and of how
+    many.
+    """
     from hydrolab.paper.calibration import judge_family, load_family, tally
     members = load_family().members
     verdicts = judge_family(members, progress=lambda done, of: tell("family", done, of))
     return {claim: tally(verdicts, claim) for claim in range(1, 13)}, len(verdicts), len(members)
 
 
-def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study"), family: bool = False,
+def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study"),
+                  family: bool = False,
                   figures: bool = True) -> int:
     """Run the study on a card, print its claims, and write report.json and the figures into `out`.
 
-    report.json is written before the family is run and again after it, so that an interrupt (Ctrl-C) loses nothing.
-    Returns 0, or 130 after an interrupt: what was computed until then is printed and written.
-    Raises BadInput for a bad card, or for --family with a card other than the paper's machine.
+    report.json is written before the family is run and again after it, so that an interrupt
+    (Ctrl-C) loses nothing. Returns 0, or 130 after an interrupt: what was computed until then is
+    printed and written. Raises BadInput for a bad card, or for --family with a card other than the
+    paper's machine.
     """
     console = Console(markup=False, highlight=False)  # a machine's name may have brackets
     machine: Machine = load_machine(card)
     if family and str(card) != FAMILY_CARD:  # a copy may keep the name and change the numbers
-        raise BadInput(f"--family was given with {card}; the family is one of the paper's machine, the shipped card "
+        raise BadInput(f"--family was given with {card}; the family is one of the paper's machine, "
+                       "the shipped card "
                        f"{FAMILY_CARD}.")
     out.mkdir(parents=True, exist_ok=True)
     pictures, counts, cut = {}, None, ""
@@ -199,12 +236,15 @@ def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study")
     if counts:
         console.print(sensitivity_table(machine))
     if study.scale != 1:
-        console.print(f"The paper's percentages are stretched by {study.scale:.4g}: on this machine the first fold is at "
-                      f"{100 * study.limit:.3f} %, so its 8.8 % stands for {100 * study.eccentricity(8.8):.3f} %.")
+        console.print(f"The paper's percentages are stretched by {study.scale:.4g}: on this "
+                      "machine the first fold is at "
+                      f"{100 * study.limit:.3f} %, so its 8.8 % stands for "
+                      f"{100 * study.eccentricity(8.8):.3f} %.")
     for picture in pictures.values():
         console.print(f"• {picture.reading}")
     held = sum(c.verdict == "holds" for c in claims)
-    console.print(f"{held} of {len(claims)} claims hold on {machine.name}. Written to {out}: report.json"
+    console.print(f"{held} of {len(claims)} claims hold on {machine.name}. Written to {out}: "
+                  "report.json"
                   + (f" and {len(pictures)} figures." if pictures else "."))
     if cut:
         console.print(cut)

@@ -2,9 +2,9 @@
 
 The paper's study, end to end, on any machine card.
 
-Section 5 of Villa, Carvalho and Salomon: a steady state without eccentricity, then natural continuation in the
-static eccentricity until the solver stops; direct integration as a check; and what the paper could not do, the
-branch past its folds with its stability.
+Section 5 of Villa, Carvalho and Salomon: a steady state without eccentricity, then natural
+continuation in the static eccentricity until the solver stops; direct integration as a check; and
+what the paper could not do, the branch past its folds with its stability.
 """
 
 from __future__ import annotations
@@ -34,9 +34,11 @@ PHASE = 2 * np.pi * np.arange(360) / 360
 
 
 def stress_fluctuation(shaft: Shaft, orbit: PeriodicOrbit) -> float:
-    """Largest 0-to-peak fluctuation over a revolution of the bending stress in a fibre that turns with the shaft, Pa.
+    """Largest 0-to-peak fluctuation over a revolution of the bending stress in a fibre that turns
+    with the shaft, Pa.
 
-    Bending moments are the end moments of the elements, K_e q_e; the fibre is taken at eight angles at each end.
+    Bending moments are the end moments of the elements, K_e q_e; the fibre is taken at eight angles
+    at each end.
     """
     motion = orbit.model.shaft_map @ orbit.shaft @ fourier_rows(orbit.harmonics, PHASE)
     worst = 0.0
@@ -46,7 +48,8 @@ def stress_fluctuation(shaft: Shaft, orbit: PeriodicOrbit) -> float:
         ends = stiffness @ motion[4 * i:4 * i + 8]
         for mx, mz in (ends[2:4], ends[6:8]):
             for fibre in 2 * np.pi * np.arange(8) / 8:
-                # Fibre at angle Ωt + fibre from z towards x; θx bends in the (y, z) plane, −θz in (y, x).
+                # Fibre at angle Ωt + fibre from z towards x; θx bends in the (y, z) plane, −θz in
+                # (y, x).
                 stress = (mx * np.cos(PHASE + fibre) - mz * np.sin(PHASE + fibre)) * (
                     shaft.diameter[i] / 2 / shaft.second_moment[i])
                 worst = max(worst, float(np.ptp(stress)) / 2)
@@ -54,14 +57,17 @@ def stress_fluctuation(shaft: Shaft, orbit: PeriodicOrbit) -> float:
 
 
 FAMILY_CARD = "kaplan-150rpm"  # the card that stands for the paper's machine
-PAPER_LIMIT = 0.08925  # the fold the shipped unit is calibrated to; the paper's own percentages lie below it
+# the fold the shipped unit is calibrated to; the paper's own percentages lie below it
+PAPER_LIMIT = 0.08925
 PERCENTAGES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 8.5, 8.8, 8.9)
 VALIDATION = 8.8  # %, the paper's section 5.1
 BEYOND = 9.0  # %, just past the last orbit the paper shows
 HARMONICS = 4
-REVOLUTIONS, RAMP, STEPS = 1000, 400, 512  # the paper's revolutions and ramp; its step is not stated
+# the paper's revolutions and ramp; its step is not stated
+REVOLUTIONS, RAMP, STEPS = 1000, 400, 512
 REVOLUTIONS_BEYOND = 400
-MOST_STEPS = 2**13  # of a revolution; a thousand revolutions then take minutes, and their motion 200 MB
+# of a revolution; a thousand revolutions then take minutes, and their motion 200 MB
+MOST_STEPS = 2**13
 
 Progress = Callable[[str, int, int], None]
 
@@ -70,12 +76,12 @@ Progress = Callable[[str, int, int], None]
 class Study:
     """Everything the study computes on one machine.
 
-    scale: 1 where the paper's percentages apply; otherwise they are stretched by first fold/8.925 %.
-    branch: steady states from 0 past up to three folds. orbits: by the paper's percentages, on the first leg.
-    natural: the paper's own procedure (dog-leg, each start from the last solution). stability: of each point of
-    the branch. check: direct integration at 8.8 %. beyond: direct integration at 9.0 %, begun on the 8.9 % orbit; None
-    where an interrupt (Ctrl-C) ended the one before. beyond_orbits: the steady states of the branch at 9.0 %, each with
-    its stability.
+    scale: 1 where the paper's percentages apply; otherwise they are stretched by first fold/8.925
+    %. branch: steady states from 0 past up to three folds. orbits: by the paper's percentages, on
+    the first leg. natural: the paper's own procedure (dog-leg, each start from the last solution).
+    stability: of each point of the branch. check: direct integration at 8.8 %. beyond: direct
+    integration at 9.0 %, begun on the 8.9 % orbit; None where an interrupt (Ctrl-C) ended the one
+    before. beyond_orbits: the steady states of the branch at 9.0 %, each with its stability.
     """
 
     machine: Machine
@@ -109,14 +115,17 @@ class Study:
     def first_loss(self) -> float | None:
         """Eccentricity of the first point of the first leg that is not stable, or None."""
         leg = self.branch.first_leg
-        for value, point in zip(self.branch.static_eccentricity[leg], self.stability[leg], strict=True):
+        for value, point in zip(self.branch.static_eccentricity[leg], self.stability[leg],
+                                strict=True):
             if point.verdict != "stable":
                 return float(value)
         return None
 
     @cached_property
     def kind(self) -> str:
-        """"S-shaped" if the leg after the second fold climbs past the first fold again, else "plain"."""
+        """"S-shaped" if the leg after the second fold climbs past the first fold again, else
+        "plain".
+        """
         folds = self.branch.folds
         if len(folds) < 2:
             return "plain"
@@ -126,22 +135,25 @@ class Study:
 
 def run_study(machine: Machine, progress: Progress | None = None, *, revolutions: int = REVOLUTIONS,
               ramp: int = RAMP) -> Study:
-    """Run the study on a machine at its rated speed; about ten seconds, most of it direct integration.
+    """Run the study on a machine at its rated speed; about ten seconds, most of it direct
+    integration.
 
-    progress: called with (what is being done, done, all). revolutions, ramp: of the direct integration, which an
-    interrupt (Ctrl-C) ends early: what was computed until then is returned.
-    Raises BadInput for a machine without an air gap, field, unbalance, rotation or damping, or one too slow to be
-    integrated; NoConvergence where there is no stable steady state to begin with.
+    progress: called with (what is being done, done, all). revolutions, ramp: of the direct
+    integration, which an interrupt (Ctrl-C) ends early: what was computed until then is returned.
+    Raises BadInput for a machine without an air gap, field, unbalance, rotation or damping, or one
+    too slow to be integrated; NoConvergence where there is no stable steady state to begin with.
     """
     def tell(what: str) -> Callable[[int, int], None]:
         return lambda done, of: progress(what, done, of) if progress else None
 
     if machine.air_gap is None:
-        raise BadInput(f"{machine.name} has no air_gap; the study is about the pull in the gap, so its card needs one.")
+        raise BadInput(f"{machine.name} has no air_gap; the study is about the pull in the gap, so "
+                       "its card needs one.")
     if not machine.air_gap.field > 0:
         raise BadInput("air_gap.field is 0 T; the study is about the pull, so it needs a field.")
     if not any(body.unbalance for body in machine.bodies):
-        raise BadInput(f"{machine.name} has no unbalance; the study is about whirl, so a body of its card needs one.")
+        raise BadInput(f"{machine.name} has no unbalance; the study is about whirl, so a body of "
+                       "its card needs one.")
     if not machine.speed > 0:
         raise BadInput("speed is 0 rad/s; the study needs a turning rotor.")
     with threadpool_limits(1):
@@ -152,38 +164,47 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
         method = CentralDifference(stable_steps(model, speed))
         if floquet_all([begin])[0].verdict != "stable":
             if not model.C.any() and not model.law.moving:
-                raise BadInput(f"{machine.name} has no damping, so its motions never settle; add a [damping] table with "
+                raise BadInput(f"{machine.name} has no damping, so its motions never settle; add a "
+                               "[damping] table with "
                                "a ratio, or damping to its bearings.")
-            raise NoConvergence(f"{machine.name} has no stable steady state even without eccentricity: the pull, "
-                                f"{machine.air_gap.pull_stiffness:.3g} N/m, is too strong for its bearings and shaft. A "
+            raise NoConvergence(f"{machine.name} has no stable steady state even without "
+                                "eccentricity: the pull, "
+                                f"{machine.air_gap.pull_stiffness:.3g} N/m, is too strong for its "
+                                "bearings and shaft. A "
                                 "lower field or stiffer bearings would give one.")
         branch = follow(model, speed=speed, to=0.9, start=begin, method=Arclength(balance))
         limit = branch.folds[0].value if branch.folds else float(branch.static_eccentricity[-1])
         if limit < 1e-3:
-            raise NoConvergence(f"{machine.name} loses its steady state at {100 * limit:.3g} % of the gap; there is no "
-                                "range of eccentricity to study. A lower field or stiffer bearings would give one.")
+            raise NoConvergence(f"{machine.name} loses its steady state at {100 * limit:.3g} % of "
+                                "the gap; there is no "
+                                "range of eccentricity to study. A lower field or stiffer bearings "
+                                "would give one.")
         scale = 1.0 if 0.089 < limit < 0.0902 else limit / PAPER_LIMIT
         orbits = {p: orbits_at(branch, p / 100 * scale)[0] for p in PERCENTAGES}
         step = 0.001 * scale
-        natural = sweep(model, replace(balance, solver=powell_dog_leg), step * np.arange(round(1.2 * limit / step)),
+        natural = sweep(model, replace(balance, solver=powell_dog_leg),
+                        step * np.arange(round(1.2 * limit / step)),
                         speed=speed)
         tell("steady states")(1, 1)
         stability = branch_stability(branch).points
         tell("stability")(1, 1)
         check = integrate(model, method, speed=speed, static_eccentricity=VALIDATION / 100 * scale,
-                          revolutions=revolutions, ramp=ramp, progress=tell("direct integration at 8.8 %"))
+                          revolutions=revolutions, ramp=ramp, progress=tell("direct integration at "
+                                                                            "8.8 %"))
         beyond = None if check.interrupted else integrate(
             model, method, speed=speed, static_eccentricity=BEYOND / 100 * scale,
             revolutions=min(revolutions, REVOLUTIONS_BEYOND), start=orbits[8.9],
             progress=tell("direct integration at 9.0 %"))
         there = orbits_at(branch, BEYOND / 100 * scale)
         there = tuple(zip(there, floquet_all(there), strict=True))
-    return Study(machine, model, speed, scale, branch, orbits, natural, stability, check, beyond, there,
+    return Study(machine, model, speed, scale, branch, orbits, natural, stability, check, beyond,
+                 there,
                  truncation_error(model, check.model, speed, HARMONICS))
 
 
 def stable_steps(model: Model, speed: float) -> int:
-    """STEPS a revolution, doubled until central differences are stable: a bearing or a crack makes a stiffer basis.
+    """STEPS a revolution, doubled until central differences are stable: a bearing or a crack makes
+    a stiffer basis.
 
     Raises BadInput where that takes more than MOST_STEPS.
     """
@@ -192,7 +213,10 @@ def stable_steps(model: Model, speed: float) -> int:
     while fastest * 2 * math.pi / speed / steps > 2:
         steps *= 2
         if steps > MOST_STEPS:
-            raise BadInput(f"speed is {speed * 30 / math.pi:.4g} rpm and the fastest frequency of {model.name} is "
-                           f"{fastest:.4g} rad/s: direct integration needs more than {MOST_STEPS} steps in a revolution, "
-                           f"too many for {REVOLUTIONS} of them. Raise the speed, or check masses and stiffnesses.")
+            raise BadInput(f"speed is {speed * 30 / math.pi:.4g} rpm and the fastest frequency of "
+                           f"{model.name} is "
+                           f"{fastest:.4g} rad/s: direct integration needs more than {MOST_STEPS} "
+                           "steps in a revolution, "
+                           f"too many for {REVOLUTIONS} of them. Raise the speed, or check masses "
+                           "and stiffnesses.")
     return steps

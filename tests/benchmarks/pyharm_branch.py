@@ -1,9 +1,11 @@
-"""The 2-DOF benchmark of peers in pyHarm (`pip install pyHarm-os`), run by the interpreter of its own environment.
+"""The 2-DOF benchmark of peers in pyHarm (`pip install pyHarm-os`), run by the interpreter of its
+own environment.
 
-Reads {m, c, k, pull, gap, speed, unbalance, harmonics, samples, to} as JSON on the command line, prints JSON: points,
-seconds and, of every point, the eccentricity and the mean along it (in gaps). pyHarm's continuation parameter is the
-frequency; here it is the eccentricity instead, with frequency-independent matrices. Everything is scaled by gap and
-stiffness, the Jacobian is analytic, and the numbers below are compiled by numba before the clock starts.
+Reads {m, c, k, pull, gap, speed, unbalance, harmonics, samples, to} as JSON on the command line,
+prints JSON: points, seconds and, of every point, the eccentricity and the mean along it (in gaps).
+pyHarm's continuation parameter is the frequency; here it is the eccentricity instead, with
+frequency-independent matrices. Everything is scaled by gap and stiffness, the Jacobian is analytic,
+and the numbers below are compiled by numba before the clock starts.
 """
 
 import json
@@ -17,7 +19,8 @@ from pyHarm.Maestro import Maestro
 
 
 class Pull(MatrixElement):
-    """−(unbalance + pull), with the stator at x = om; cosines before sines, harmonic by harmonic."""
+    """−(unbalance + pull), with the stator at x = om; cosines before sines, harmonic by harmonic.
+    """
 
     factory_keyword = "Pull"
 
@@ -61,25 +64,32 @@ def main():
     p = json.loads(sys.argv[1])
     logging.disable(logging.CRITICAL)
     w, k, gap = p["speed"], p["k"], p["gap"]
-    matrices = {"inertia": (2, p["m"] * w**2 / k), "damping": (1, p["c"] * w / k), "spring": (0, 1.0)}
-    connectors = {name: {"type": "GOMatrix", "connect": "rotor", "matrix": value * np.eye(2), "dto": order, "dom": 0}
+    matrices = {"inertia": (2, p["m"] * w**2 / k), "damping": (1, p["c"] * w / k),
+                "spring": (0, 1.0)}
+    connectors = {name: {"type": "GOMatrix", "connect": "rotor", "matrix": value * np.eye(2),
+                         "dto": order, "dom": 0}
                   for name, (order, value) in matrices.items()}
     connectors["pull"] = {"type": "Pull", "connect": "rotor", "strength": p["pull"] / k,
                           "unbalance": p["unbalance"] * w**2 / k / gap}
     data = {"plugin": [Pull], "system": {"type": "Base", "nh": p["harmonics"], "nti": p["samples"]},
             "substructures": {"rotor": {"type": "onlydofs", "nnodes": 1, "ndofs": 2, "matrix": {}}},
             "connectors": connectors,
-            "analysis": {"branch": {"study": "frf", "solver": p.get("solver", "NewtonRaphson"), "puls_inf": -1e-3,
-                                    "puls_sup": p["to"], "puls_start": 0.0, "ds0": 2e-3, "ds_max": 2e-2, "ds_min": 1e-7,
-                                    "corrector": "pseudo_arc_length", "predictor": "tangent", "verbose": False,
-                                    "stopper": "solnumber", "stopper_options": {"max_solutions": p["points"]}}}}
+            "analysis": {"branch": {"study": "frf", "solver": p.get("solver", "NewtonRaphson"),
+                                    "puls_inf": -1e-3,
+                                    "puls_sup": p["to"], "puls_start": 0.0, "ds0": 2e-3,
+                                    "ds_max": 2e-2, "ds_min": 1e-7,
+                                    "corrector": "pseudo_arc_length", "predictor": "tangent",
+                                    "verbose": False,
+                                    "stopper": "solnumber",
+                                    "stopper_options": {"max_solutions": p["points"]}}}}
     for _ in range(2):
         study = Maestro(data)
         begin = time.perf_counter()
         study.operate()
         seconds = time.perf_counter() - begin
     points = [s for s in study.nls["branch"].SolList if s.flag_accepted]
-    print(json.dumps({"points": len(points), "seconds": seconds, "eccentricity": [float(s.x[-1]) for s in points],
+    print(json.dumps({"points": len(points), "seconds": seconds,
+                      "eccentricity": [float(s.x[-1]) for s in points],
                       "mean": [float(s.x[0]) for s in points]}))
 
 

@@ -1,9 +1,10 @@
 """One table of all benchmarks: `python -m tests.benchmarks.report`.
 
-Times are the best of several rounds (others may use the machine), on one BLAS thread. The reference kernel is measured
-before and after each of them (a machine's clock wanders within a run); where it is slower than its nominal time, that
-target may be read that much longer, at most 1.5 times.
-pyHarm is installed into an environment of its own, or taken from the interpreter that HYDROLAB_PYHARM names.
+Times are the best of several rounds (others may use the machine), on one BLAS thread. The reference
+kernel is measured before and after each of them (a machine's clock wanders within a run); where it
+is slower than its nominal time, that target may be read that much longer, at most 1.5 times. pyHarm
+is installed into an environment of its own, or taken from the interpreter that HYDROLAB_PYHARM
+names.
 """
 
 import json
@@ -43,7 +44,8 @@ def table(benchmarks):
         if "bytes" in info:
             memory[info["what"]] = info["bytes"]
         elif "what" in info:
-            times[info["what"]] = (info.get("seconds", b["stats"]["min"] / info["per"]), info["kernel"], info["target"])
+            times[info["what"]] = (info.get("seconds", b["stats"]["min"] / info["per"]),
+                                   info["kernel"], info["target"])
     point = times["natural point, 12 elements"][0]
     lines = [f"one BLAS thread; nominal reference kernel {readable(NOMINAL)}", "",
              f"{'':66}{'time':>9} {'kernel':>9} {'× kernel':>9} {'× point':>9}   target"]
@@ -51,7 +53,8 @@ def table(benchmarks):
         slack = min(1.5, max(1.0, kernel / NOMINAL))
         verdict = "" if target is None else f"{readable(target)} {judged(seconds <= slack * target)}" + (
             f", read × {slack:.2f}" if slack > 1 else "")
-        lines.append(f"{what:66}{readable(seconds):>9} {readable(kernel):>9} {seconds / kernel:9.3g} "
+        lines.append(f"{what:66}{readable(seconds):>9} {readable(kernel):>9} "
+                     f"{seconds / kernel:9.3g} "
                      f"{seconds / point:9.3g}   {verdict}")
     for what, size in memory.items():
         lines.append(f"{what:66}{size / 2**20:5.0f} MiB {'':29}   1024 MiB {judged(size <= 2**30)}")
@@ -59,7 +62,8 @@ def table(benchmarks):
     for slow, fast, least in RATIOS:
         if slow in times:
             ratio = times[slow][0] / times[fast][0]
-            lines.append(f"{slow} / {fast}: {ratio:.3g} (at least {least:g}: {judged(ratio >= least)})")
+            lines.append(f"{slow} / {fast}: {ratio:.3g} (at least {least:g}: "
+                         f"{judged(ratio >= least)})")
         else:
             lines.append(f"{slow}: not measured here")
     for kind in ("natural point", "arclength point"):
@@ -73,8 +77,10 @@ def main():
     """Run the benchmarks and print the table."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "benchmarks.json"
-        command = [sys.executable, "-m", "pytest", "-q", "-rs", "-p", "no:xdist", "-p", "no:cacheprovider",
-                   str(Path(__file__).parent), "--benchmark-only", f"--benchmark-json={out}", "--benchmark-columns=min"]
+        command = [sys.executable, "-m", "pytest", "-q", "-rs", "-p", "no:xdist", "-p",
+                   "no:cacheprovider",
+                   str(Path(__file__).parent), "--benchmark-only", f"--benchmark-json={out}",
+                   "--benchmark-columns=min"]
         done = subprocess.run(command, capture_output=True, text=True)
         if done.returncode:
             sys.exit(done.stdout + done.stderr)

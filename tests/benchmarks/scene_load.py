@@ -1,8 +1,9 @@
 """The 3D view under load: `python -m tests.benchmarks.scene_load [--minutes 2] [--viewers 30]`.
 
-Clients in a process of their own say where their camera is, which makes them viewers, and read what a browser would.
-Reported: poses a second that one of them received, the server's share of one core, the time from a setting to the first
-pose on the way to its new orbit, and the server's memory while viewers come and go (some never read).
+Clients in a process of their own say where their camera is, which makes them viewers, and read what
+a browser would. Reported: poses a second that one of them received, the server's share of one core,
+the time from a setting to the first pose on the way to its new orbit, and the server's memory while
+viewers come and go (some never read).
 """
 
 from __future__ import annotations
@@ -28,15 +29,19 @@ from hydrolab.live.scene import MachineScene
 from hydrolab.live.server import close_server, open_server
 from tests.live.conftest import CAMERA
 
-OPTIONS = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "compression": None, "ping_interval": None}
+OPTIONS = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "compression": None,
+           "ping_interval": None}
 
 
 def poses_in(data: bytes) -> int:
-    """How many poses of the whole machine a packet of the server holds: those of the dot in the inset."""
+    """How many poses of the whole machine a packet of the server holds: those of the dot in the
+    inset.
+    """
     size = int.from_bytes(data[8:16], "little")
     packet = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(
         data[16:16 + size], max_output_size=int.from_bytes(data[:8], "little")))
-    return sum(m["type"] == "SetPositionMessage" and m["name"] == "/inset/dot" for m in packet["messages"])
+    return sum(m["type"] == "SetPositionMessage" and m["name"] == "/inset/dot"
+               for m in packet["messages"])
 
 
 async def watch(address: str, until: float, counts: bool) -> float:
@@ -59,7 +64,9 @@ async def watch(address: str, until: float, counts: bool) -> float:
 
 
 async def come_and_go(address: str, until: float, deaf: bool) -> None:
-    """A viewer that stays for seconds, comes back, and, where deaf, never reads; on a busy computer it tries again."""
+    """A viewer that stays for seconds, comes back, and, where deaf, never reads; on a busy computer
+    it tries again.
+    """
     while time.time() < until:
         stay = min(until, time.time() + random.uniform(2, 12))
         with contextlib.suppress(OSError, ConnectionClosed):  # a TimeoutError is one of them
@@ -71,21 +78,26 @@ async def come_and_go(address: str, until: float, deaf: bool) -> None:
                 await watch(address, stay, False)
 
 
-def crowd(port: int, viewers: int, seconds: float, moving: bool, answer: multiprocessing.Queue) -> None:
+def crowd(port: int, viewers: int, seconds: float, moving: bool,
+          answer: multiprocessing.Queue) -> None:
     """The clients' process."""
     async def everyone() -> float:
         address, until = f"ws://127.0.0.1:{port}", time.time() + seconds
-        others = [come_and_go(address, until, k % 6 == 0) if moving else watch(address, until, False)
+        others = [come_and_go(address, until, k % 6 == 0) if moving
+                  else watch(address, until, False)
                   for k in range(viewers - 1)]
         return (await asyncio.gather(watch(address, until, True), *others))[0]
 
     answer.put(asyncio.run(everyone()))
 
 
-def measured(port: int, viewers: int, seconds: float, moving: bool = False) -> tuple[float, float, list[float]]:
+def measured(port: int, viewers: int, seconds: float,
+             moving: bool = False) -> tuple[float, float, list[float]]:
     """Poses a second, share of a core, and resident memory each second (MB) while clients watch."""
     answer: multiprocessing.Queue = multiprocessing.get_context("spawn").Queue()
-    process = multiprocessing.get_context("spawn").Process(target=crowd, args=(port, viewers, seconds, moving, answer))
+    process = multiprocessing.get_context("spawn").Process(target=crowd,
+                                                           args=(port, viewers, seconds, moving,
+                                                                 answer))
     process.start()
     time.sleep(3.0)
     memory, before, start = [], used(), time.perf_counter()
@@ -127,7 +139,8 @@ def answers(scene: MachineScene, wanted: list[dict[str, float]]) -> list[float]:
 
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--minutes", type=float, default=2.0, help="of the soak (default: %(default)s)")
+    options.add_argument("--minutes", type=float, default=2.0, help="of the soak (default: "
+                         "%(default)s)")
     options.add_argument("--viewers", type=int, default=30)
     chosen = options.parse_args()
     server = open_server(port=0)
@@ -149,13 +162,16 @@ def main() -> None:
         "unbalance": [{"field": 1.0, "unbalance": 1 - 0.02 * k} for k in range(1, 16)],
     }.items():
         ms = [1e3 * t for t in answers(scene, wanted)]
-        print(f"{name} to new orbit: median {statistics.median(ms):.0f} ms, largest {max(ms):.0f} ms", flush=True)
+        print(f"{name} to new orbit: median {statistics.median(ms):.0f} ms, largest {max(ms):.0f} "
+              "ms", flush=True)
     watching.kill()
     scene.change(field=1.0, unbalance=1.0, leg=0)
     _, share, memory = measured(port, chosen.viewers, 60 * chosen.minutes + 4, moving=True)
     tenth = max(len(memory) // 10, 1)
-    means = ", ".join(f"{statistics.mean(memory[k:k + tenth]):.0f}" for k in range(0, tenth * (len(memory) // tenth), tenth))
-    print(f"soak of {chosen.minutes:g} minutes, {chosen.viewers} viewers coming and going: {100 * share:.0f} % of one core, "
+    means = ", ".join(f"{statistics.mean(memory[k:k + tenth]):.0f}"
+                      for k in range(0, tenth * (len(memory) // tenth), tenth))
+    print(f"soak of {chosen.minutes:g} minutes, {chosen.viewers} viewers coming and going: "
+          f"{100 * share:.0f} % of one core, "
           f"memory in ten parts of it: {means} MB", flush=True)
     scene.stop()
     close_server()

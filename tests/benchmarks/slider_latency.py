@@ -1,10 +1,12 @@
-"""How long a key press on a slider takes to a new picture, in JupyterLab in Chromium. It is no test.
+"""How long a key press on a slider takes to a new picture, in JupyterLab in Chromium. It is no
+test.
 
     python -m tests.benchmarks.slider_latency [presses]
 
-Two sliders in one notebook, pressed in turns: `eccentricity_explorer`, and the plain pattern, `interactive_output` over
-a function that calls the same view and displays its figure inline. A press is timed in the page, from its keydown event
-to the first frame after the new picture has been painted or loaded. On a busy computer p10 says more than the median.
+Two sliders in one notebook, pressed in turns: `eccentricity_explorer`, and the plain pattern,
+`interactive_output` over a function that calls the same view and displays its figure inline. A
+press is timed in the page, from its keydown event to the first frame after the new picture has been
+painted or loaded. On a busy computer p10 says more than the median.
 """
 
 import json
@@ -19,7 +21,8 @@ from playwright.sync_api import Page, sync_playwright
 from tests.chromium import BROWSER, keep
 from tests.jupyter_process import TOKEN, jupyter_process
 
-FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--no-proxy-server"]
+FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+         "--no-proxy-server"]
 CELLS = ['''from hydrolab import load_machine
 from hydrolab.explorers.explorers import eccentricity_explorer
 
@@ -69,10 +72,12 @@ WATCH = """(cell) => {
 
 def write_notebook(path: Path) -> None:
     """The notebook with both sliders."""
-    cells = [{"cell_type": "code", "id": f"cell-{i}", "source": source, "metadata": {}, "outputs": [],
+    cells = [{"cell_type": "code", "id": f"cell-{i}", "source": source, "metadata": {},
+              "outputs": [],
               "execution_count": None} for i, source in enumerate(CELLS)]
     kernel = {"kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"}}
-    path.write_text(json.dumps({"cells": cells, "metadata": kernel, "nbformat": 4, "nbformat_minor": 5}))
+    path.write_text(json.dumps({"cells": cells, "metadata": kernel, "nbformat": 4,
+                                "nbformat_minor": 5}))
 
 
 def press(page: Page, cell: int, key: str) -> float:
@@ -88,9 +93,11 @@ def press(page: Page, cell: int, key: str) -> float:
 
 def main(presses: int = 60) -> None:
     """Measure and print."""
-    options = ["--no-browser", "--ip=127.0.0.1", "--allow-root", "--LabApp.expose_app_in_browser=True"]
+    options = ["--no-browser", "--ip=127.0.0.1", "--allow-root",
+               "--LabApp.expose_app_in_browser=True"]
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright, jupyter_process(
-            [sys.executable, "-m", "jupyterlab", *options], Path(name), r"http://127\.0\.0\.1:\d+/lab\S*") as address:
+            [sys.executable, "-m", "jupyterlab", *options], Path(name),
+            r"http://127\.0\.0\.1:\d+/lab\S*") as address:
         write_notebook(Path(name, "latency.ipynb"))
         browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
         page = browser.new_page(viewport={"width": 1400, "height": 1700})
@@ -114,9 +121,11 @@ def main(presses: int = 60) -> None:
     for name, found in zip(("eccentricity_explorer", "interactive_output"), times, strict=True):
         medians.append(statistics.median(found))
         tenths = statistics.quantiles(found, n=10)
-        print(f"{name:24s} median {medians[-1]:6.1f} ms   p10 {tenths[0]:6.1f} ms   p90 {tenths[-1]:6.1f} ms   "
+        print(f"{name:24s} median {medians[-1]:6.1f} ms   p10 {tenths[0]:6.1f} ms   p90 "
+              f"{tenths[-1]:6.1f} ms   "
               f"max {max(found):6.1f} ms   ({len(found)} presses)")
-    print(f"ratio {medians[1] / medians[0]:.2f}   load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+    print(f"ratio {medians[1] / medians[0]:.2f}   load {os.getloadavg()[0]:.1f} on "
+          f"{os.cpu_count()} cores")
 
 
 if __name__ == "__main__":

@@ -12,8 +12,10 @@ import pytest
 from tests.chromium import BROWSER
 from tests.jupyter_process import TOKEN, jupyter_process
 
-FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-sync",
-         "--disable-component-update", "--no-proxy-server", "--use-gl=angle", "--use-angle=swiftshader",
+FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+         "--disable-sync",
+         "--disable-component-update", "--no-proxy-server", "--use-gl=angle",
+         "--use-angle=swiftshader",
          "--enable-unsafe-swiftshader"]
 KERNEL = "window.jupyterapp.shell.currentWidget.sessionContext?.session?.kernel"
 
@@ -21,12 +23,15 @@ KERNEL = "window.jupyterapp.shell.currentWidget.sessionContext?.session?.kernel"
 def is_local(address: str) -> bool:
     """Tell whether a request stays on this computer."""
     parts = urlsplit(address)
-    return parts.scheme in ("data", "blob", "about") or parts.hostname in ("127.0.0.1", "localhost", "::1")
+    return parts.scheme in ("data", "blob", "about") or parts.hostname in ("127.0.0.1",
+                                                                           "localhost", "::1")
 
 
 @dataclass
 class Visit:
-    """A page on JupyterLab: requests that leave this computer, errors of the page, and its cells once they have run."""
+    """A page on JupyterLab: requests that leave this computer, errors of the page, and its cells
+    once they have run.
+    """
 
     page: object
     address: str
@@ -37,7 +42,8 @@ class Visit:
         """Open a notebook of the course and wait for its kernel."""
         self.page.goto(re.sub(r"/lab[^?]*", f"/lab/tree/{chapter}", self.address))
         self.page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
-        self.page.wait_for_function(f"{KERNEL}?.status === 'idle' || document.querySelector('.jp-Dialog')")
+        self.page.wait_for_function(f"{KERNEL}?.status === 'idle' || "
+                                    "document.querySelector('.jp-Dialog')")
 
     def run_all(self) -> list[dict]:
         """Run every cell; return source, execution count and outputs of those that hold code."""
@@ -62,7 +68,9 @@ class Visit:
         }""", source)
 
     def show_cell(self, text: str) -> object:
-        """Scroll to the code cell that holds some text and return it; what is off the screen is not rendered."""
+        """Scroll to the code cell that holds some text and return it; what is off the screen is not
+        rendered.
+        """
         at = self.page.evaluate("""text => {
             const content = window.jupyterapp.shell.currentWidget.content;
             const at = content.widgets.findIndex(cell => cell.model.type === 'code' &&
@@ -76,11 +84,14 @@ class Visit:
 
 @pytest.fixture
 def lab(tmp_path):
-    """Yield the address of a course opened with the command, as a student opens it, but for a known token."""
+    """Yield the address of a course opened with the command, as a student opens it, but for a known
+    token.
+    """
     if BROWSER is None:
         pytest.skip("no Chromium or Chrome on this computer")
     (tmp_path / "config").mkdir()
-    (tmp_path / "config" / "jupyter_lab_config.json").write_text('{"LabApp": {"expose_app_in_browser": true}}')
+    (tmp_path / "config"
+     / "jupyter_lab_config.json").write_text('{"LabApp": {"expose_app_in_browser": true}}')
     command = [sys.executable, "-m", "hydrolab.cli", "lab", "--no-browser"]
     with jupyter_process(command, tmp_path, r"http://127\.0\.0\.1:\d+/lab\S*") as address:
         yield address.replace("token=...", f"token={TOKEN}")
@@ -95,8 +106,10 @@ def visit(lab):
         page = browser.new_page(viewport={"width": 1280, "height": 1000})
         page.set_default_timeout(90_000)
         found = Visit(page, lab)
-        page.on("request", lambda request: is_local(request.url) or found.strangers.append(request.url))
-        page.on("websocket", lambda socket: is_local(socket.url) or found.strangers.append(socket.url))
+        page.on("request", lambda request: is_local(request.url)
+                or found.strangers.append(request.url))
+        page.on("websocket", lambda socket: is_local(socket.url)
+                or found.strangers.append(socket.url))
         page.on("pageerror", lambda error: found.mistakes.append(str(error)))
         yield found
         browser.close()

@@ -1,4 +1,6 @@
-"""Chapter 10 in a real browser: every cell runs, and its explorer does what a student expects of it."""
+"""Chapter 10 in a real browser: every cell runs, and its explorer does what a student expects of
+it.
+"""
 
 import json
 import re
@@ -7,7 +9,8 @@ import pytest
 
 from tests.chromium import keep, wait_for_bones
 
-expect = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]").expect
+expect = pytest.importorskip("playwright.sync_api",
+                             reason="Playwright is in the extra [test]").expect
 
 CHAPTER = "10-static-eccentricity.ipynb"
 COUNTED = """
@@ -22,7 +25,8 @@ PIXELS = """async canvas => {
   const digest = new Uint8Array(await crypto.subtle.digest('SHA-256', pixels));
   return [...digest].map(byte => byte.toString(16).padStart(2, '0')).join('');
 }"""
-DRAWN = "print(__import__('hashlib').sha256(explorer.kept._last).hexdigest())"  # the same, of what the kernel drew
+# the same, of what the kernel drew
+DRAWN = "print(__import__('hashlib').sha256(explorer.kept._last).hexdigest())"
 FROZEN = """
 import json
 from hydrolab.live import server
@@ -84,7 +88,8 @@ def test_the_explorer_of_chapter_10(visit):
     page.mouse.up()
     changed(second)
     readout = cell.locator(".widget-readout")
-    page.wait_for_function("([words, readout]) => words.textContent.includes(`At ${parseFloat(readout.textContent)} %`)",
+    page.wait_for_function("([words, readout]) => words.textContent.includes(`At "
+                           "${parseFloat(readout.textContent)} %`)",
                            arg=[words.element_handle(), readout.element_handle()])
     asked, last = visit.run("print(len(asked), asked[-1]['eccentricity'])").split()
     assert 2 <= int(asked) < 80
@@ -99,8 +104,10 @@ def test_the_explorer_of_chapter_10(visit):
     assert "has no steady state" in changed(before)
     keep(page, "explorer-none")
 
-    # A click on a point of the branch shows that orbit: the place of leg 3 at 9.5 %, as the kernel knows it.
-    said = visit.run("d = inner.diagram.transData.transform((9.5, 1e6 * inner.legs.orbit(0.095, 2).amplitudes[0, 0]));"
+    # A click on a point of the branch shows that orbit: the place of leg 3 at 9.5 %, as the kernel
+    # knows it.
+    said = visit.run("d = inner.diagram.transData.transform((9.5, 1e6 * inner.legs.orbit(0.095, "
+                     "2).amplitudes[0, 0]));"
                      "print(*inner.kept.figure.transFigure.inverted().transform(d))")
     right, up = map(float, said.split())
     before, box = words.inner_text(), picture.bounding_box()

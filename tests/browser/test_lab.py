@@ -1,4 +1,6 @@
-"""`hydrolab lab` in a real browser: the first chapter opens, every cell runs, nothing leaves this computer."""
+"""`hydrolab lab` in a real browser: the first chapter opens, every cell runs, nothing leaves this
+computer.
+"""
 
 import os
 from pathlib import Path

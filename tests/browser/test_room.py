@@ -1,4 +1,6 @@
-"""`hydrolab show --room` in a real browser: two pages, one PIN; what the presenter moves, the room sees."""
+"""`hydrolab show --room` in a real browser: two pages, one PIN; what the presenter moves, the room
+sees.
+"""
 
 import os
 import re
@@ -11,11 +13,15 @@ import pytest
 
 from tests.chromium import BROWSER, keep
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]")
+playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra "
+                                     "[test]")
 
-FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-sync",
-         "--disable-component-update", "--no-proxy-server", "--use-gl=angle", "--use-angle=swiftshader",
-         "--enable-unsafe-swiftshader", "--disable-renderer-backgrounding", "--disable-backgrounding-occluded-windows"]
+FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+         "--disable-sync",
+         "--disable-component-update", "--no-proxy-server", "--use-gl=angle",
+         "--use-angle=swiftshader",
+         "--enable-unsafe-swiftshader", "--disable-renderer-backgrounding",
+         "--disable-backgrounding-occluded-windows"]
 PATIENCE = 90_000  # ms; a browser without a graphics card draws slowly
 STATOR = "window.__viserMutable?.nodeRefFromName?.['/stator']?.position.x"
 LABEL = "static eccentricity, %"
@@ -28,8 +34,11 @@ pytestmark = [
 
 @pytest.fixture
 def hall(tmp_path):
-    """The command before a room, on this computer only so that the test needs no network; yields address and PIN."""
-    command = [sys.executable, "-m", "hydrolab.cli", "show", "--room", "--host", "127.0.0.1", "--run-sheet", "5-minutes"]
+    """The command before a room, on this computer only so that the test needs no network; yields
+    address and PIN.
+    """
+    command = [sys.executable, "-m", "hydrolab.cli", "show", "--room", "--host", "127.0.0.1",
+               "--run-sheet", "5-minutes"]
     log = tmp_path / "log"
     with log.open("w") as sink:
         process = subprocess.Popen(command, stdout=sink, stderr=subprocess.STDOUT, cwd=tmp_path,
@@ -56,9 +65,12 @@ def field(page, label):
 
 
 def same_place(*pages):
-    """Wait until all pages show the stator at one place; one that is behind another is in no hurry."""
+    """Wait until all pages show the stator at one place; one that is behind another is in no hurry.
+    """
     end = time.monotonic() + PATIENCE / 1000
-    while (places := [page.evaluate(STATOR) for page in pages]) != pytest.approx([places[0]] * len(pages), rel=1e-4):
+    while (places := [page.evaluate(STATOR) for page in pages]) != pytest.approx([places[0]]
+                                                                                 * len(pages),
+                                                                                 rel=1e-4):
         assert time.monotonic() < end, places
         for page in pages:
             page.bring_to_front()
@@ -74,7 +86,8 @@ def test_the_presenter_moves_the_machine_and_the_room_watches(hall):
             page = browser.new_page(viewport={"width": 640, "height": 400})
             page.set_default_timeout(PATIENCE)
             page.on("pageerror", lambda error: mistakes.append(str(error)))
-            page.on("request", lambda request: strangers.append(request.url) if not request.url.startswith(
+            page.on("request", lambda request: strangers.append(request.url)
+                    if not request.url.startswith(
                 (address, "data:", "blob:")) else None)
             page.goto(address)
             page.get_by_text("for the presenter").wait_for()
@@ -87,7 +100,8 @@ def test_the_presenter_moves_the_machine_and_the_room_watches(hall):
         presenter.get_by_text("take the controls").click()
         presenter.get_by_text("That is not the PIN; 4 more guesses.").wait_for()
         assert presenter.get_by_text(LABEL).count() == 0
-        playwright_api.expect(field(presenter, "PIN")).to_have_value("", timeout=PATIENCE)  # the server empties it
+        # the server empties it
+        playwright_api.expect(field(presenter, "PIN")).to_have_value("", timeout=PATIENCE)
         field(presenter, "PIN").fill(pin)
         presenter.get_by_text("take the controls").click()
         presenter.get_by_text(LABEL).wait_for()
@@ -110,7 +124,8 @@ def test_the_presenter_moves_the_machine_and_the_room_watches(hall):
         watcher.get_by_text("The stator is off centre").wait_for()
         watcher.get_by_text("9.46 mm").first.wait_for()
         presenter.bring_to_front()  # a page behind another one is in no hurry
-        playwright_api.expect(field(presenter, LABEL)).to_have_value(re.compile(r"^5(\.0+)?$"), timeout=PATIENCE)
+        playwright_api.expect(field(presenter, LABEL)).to_have_value(re.compile(r"^5(\.0+)?$"),
+                                                                     timeout=PATIENCE)
         browser.close()
     assert not mistakes
     assert not strangers

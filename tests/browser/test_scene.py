@@ -1,4 +1,6 @@
-"""The 3D machine in a real browser: its bones are numpy's, it follows the settings, and a recording plays from disk."""
+"""The 3D machine in a real browser: its bones are numpy's, it follows the settings, and a recording
+plays from disk.
+"""
 
 from urllib.parse import urlsplit
 
@@ -11,11 +13,13 @@ from hydrolab.live.recording import record_scene
 from hydrolab.live.scene import MachineScene
 from tests.chromium import BONES, BROWSER, keep, wait_for_bones
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]")
+playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra "
+                                     "[test]")
 viser = pytest.importorskip("viser", reason="viser is in the project's own dependencies")
 
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-         "--ignore-gpu-blocklist", "--disable-background-networking", "--no-first-run", "--no-proxy-server"]
+         "--ignore-gpu-blocklist", "--disable-background-networking", "--no-first-run",
+         "--no-proxy-server"]
 SIZE = {"width": 640, "height": 360}
 
 pytestmark = [
@@ -29,7 +33,8 @@ pytestmark = [
 @pytest.fixture(scope="module")
 def scene():
     server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    yield MachineScene(server, load_machine("kaplan-150rpm"), playing=False, static_eccentricity=0.088, leg=2)
+    yield MachineScene(server, load_machine("kaplan-150rpm"), playing=False,
+                       static_eccentricity=0.088, leg=2)
     server.stop()
 
 
@@ -46,7 +51,8 @@ def open_page(context, address):
     page = context.new_page()
     page.set_default_timeout(90_000)
     strangers, mistakes = [], []
-    page.on("request", lambda r: urlsplit(r.url).hostname in (None, "", "127.0.0.1") or strangers.append(r.url))
+    page.on("request", lambda r: urlsplit(r.url).hostname in (None, "", "127.0.0.1")
+            or strangers.append(r.url))
     page.on("pageerror", lambda error: mistakes.append(str(error)))
     page.goto(address)
     page.wait_for_function(f"({BONES})().length === 13")
@@ -73,7 +79,8 @@ def test_bones_in_the_browser_are_numpys(browser, scene):
     after = np.array(page.evaluate(BONES))
     assert np.abs(after[:, :2] - before[:, :2]).max() > 0.05  # the two are not the same picture
     scene.change(dark=True)
-    page.wait_for_function("document.documentElement.getAttribute('data-mantine-color-scheme') === 'dark'"
+    page.wait_for_function("document.documentElement.getAttribute('data-mantine-color-scheme') === "
+                           "'dark'"
                            " || document.querySelector('[data-mantine-color-scheme=dark]')")
     keep(page, "machine-3d-dark")
     scene.change(dark=False)
@@ -87,12 +94,14 @@ def test_a_recording_plays_from_disk_without_a_network(browser, scene, tmp_path)
     context = browser.new_context(viewport=SIZE, offline=True)
     page, strangers, mistakes = open_page(context, path.as_uri())
     first = page.evaluate(BONES)
-    page.wait_for_function(f"first => JSON.stringify(({BONES})()) !== JSON.stringify(first)", arg=first)
+    page.wait_for_function(f"first => JSON.stringify(({BONES})()) !== JSON.stringify(first)",
+                           arg=first)
     found = np.array(page.evaluate(BONES))[:, :2]
     path_of_all = scene.factor * scene.where.motion(2 * np.pi * np.arange(720) / 720)[:13, :2]
     away = np.abs(found[:, :, None] - path_of_all).max(axis=1)
     assert away.max(axis=0).min() < 5e-3  # all bones are on the orbit, at one and the same phase
-    page.keyboard.press(" ")  # pause; a page that plays leaves a software renderer no time for a picture
+    # pause; a page that plays leaves a software renderer no time for a picture
+    page.keyboard.press(" ")
     page.wait_for_timeout(1000)
     keep(page, "recording")
     context.close()

@@ -1,4 +1,6 @@
-"""The static book as a reader has it: built with warnings as errors, opened from disk, nothing asked of another host."""
+"""The static book as a reader has it: built with warnings as errors, opened from disk, nothing
+asked of another host.
+"""
 
 import json
 import os
@@ -16,7 +18,8 @@ from hydrolab.course import pages
 from hydrolab.course.static_book import NEEDED
 from tests.chromium import BROWSER
 
-playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]")
+playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra "
+                                     "[test]")
 
 BOOK = Path(__file__).resolve().parents[2] / "book"
 CHAPTERS = list(pages.chapters(BOOK))
@@ -29,15 +32,18 @@ LOADED = "[...document.images].every(image => image.complete)"
 TOLD = ("doi.org",)  # hosts that a page may name in a link for the reader to follow
 
 pytestmark = [pytest.mark.browser]
-if not os.environ.get("HYDROLAB_REQUIRE_BOOK"):  # where it is set, as in CI, what is missing is a fault
-    pytestmark.append(pytest.mark.skipif(bool(MISSING), reason=f"the static book needs {', '.join(MISSING)}"))
+# where it is set, as in CI, what is missing is a fault
+if not os.environ.get("HYDROLAB_REQUIRE_BOOK"):
+    pytestmark.append(pytest.mark.skipif(bool(MISSING), reason="the static book needs "
+                                         f"{', '.join(MISSING)}"))
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     """The pages, built by the command with the instructor's."""
     out = tmp_path_factory.mktemp("book") / "html"
-    done = subprocess.run([sys.executable, "-m", "hydrolab.cli", "book", "--instructor", "--out", str(out)],
+    done = subprocess.run([sys.executable, "-m", "hydrolab.cli", "book", "--instructor", "--out",
+                           str(out)],
                           capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert "TeX" not in done.stdout, "MathJax was not fetched"
@@ -63,14 +69,17 @@ class Links(HTMLParser):
 
 
 def test_every_link_leads_somewhere(site):
-    found = {path.relative_to(site): Links(path.read_text(encoding="utf-8")) for path in site.rglob("*.html")
+    found = {path.relative_to(site): Links(path.read_text(encoding="utf-8"))
+             for path in site.rglob("*.html")
              if "_static" not in path.parts}  # the theme leaves a template there
     assert {Path(f"{name}.html") for name in CHAPTERS} <= set(found)
     for page, links in found.items():
         for target in links.linked + links.loaded:
             parts = urlsplit(target)
             if parts.scheme or parts.netloc:
-                assert parts.scheme in ("data", "mailto") or (target in links.linked and parts.netloc in TOLD), target
+                assert parts.scheme in ("data",
+                                        "mailto") or (target in links.linked
+                                                      and parts.netloc in TOLD), target
                 continue
             path = Path(os.path.normpath(page.parent / unquote(parts.path))) if parts.path else page
             assert (site / path).exists(), f"{page} → {target}"
@@ -91,7 +100,9 @@ def test_equations_are_linked_and_publications_collected(site):
 
 @pytest.fixture(scope="module")
 def reader(site):
-    """A browser that reads files and is refused everything else; what it asked for in vain, and what went wrong."""
+    """A browser that reads files and is refused everything else; what it asked for in vain, and
+    what went wrong.
+    """
     with playwright_api.sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
         context = browser.new_context(viewport={"width": 1280, "height": 900}, offline=True)
@@ -126,11 +137,13 @@ def test_recorded_scenes_play(site, reader):
     for chapter, scenes in pages.SCENES.items():
         name = next(name for name in CHAPTERS if int(name[:2]) == chapter)
         reader.goto((site / f"{name}.html").as_uri())
-        titles = [frame.get_attribute("title") for frame in reader.locator("iframe.scene[loading=lazy]").all()]
+        titles = [frame.get_attribute("title")
+                  for frame in reader.locator("iframe.scene[loading=lazy]").all()]
         for title, (eccentricity, leg) in zip(titles, scenes, strict=True):
             assert f"Leg {leg + 1} of 3, stable. At {100 * eccentricity:g} % static" in title and "smallest gap" in title
             frames[f"{100 * eccentricity:g} % on leg {leg + 1}"] = title
-    assert len(frames) == 4 and {"0 % on leg 1", "5 % on leg 1", "8.8 % on leg 1", "8.8 % on leg 3"} <= set(frames)
+    assert len(frames) == 4 and {"0 % on leg 1", "5 % on leg 1", "8.8 % on leg 1",
+                                 "8.8 % on leg 3"} <= set(frames)
     frame = reader.locator("iframe.scene").last  # one: a 3D scene without a graphics card is slow
     frame.scroll_into_view_if_needed()
     frame.content_frame.locator("canvas").first.wait_for()
@@ -141,7 +154,8 @@ def test_recorded_scenes_play(site, reader):
 def test_flipbooks_move(site, reader, name):
     reader.goto((site / f"{name}.html").as_uri())
     books, expect = reader.locator(".flipbook"), playwright_api.expect
-    stored = (BOOK / f"{name}.ipynb").read_text(encoding="utf-8").count('"text/vnd.hydrolab.flipbook"')
+    stored = (BOOK
+              / f"{name}.ipynb").read_text(encoding="utf-8").count('"text/vnd.hydrolab.flipbook"')
     assert books.count() == stored
     for book in books.all():
         slider, caption = book.locator("input"), book.locator("figcaption")

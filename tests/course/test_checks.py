@@ -1,4 +1,6 @@
-"""Checks of exercises: each mistake that has a name gets its own hint, and no answer of any kind stops a chapter."""
+"""Checks of exercises: each mistake that has a name gets its own hint, and no answer of any kind
+stops a chapter.
+"""
 
 import math
 
@@ -11,10 +13,12 @@ from hydrolab.course.answers import UNITS, Exercise, Mistake, other_units
 from hydrolab.course.checks import check, judge
 from hydrolab.errors import BadInput
 
-REGISTERED = {number: asked for of_chapter in exercises.chapters().values() for number, asked in of_chapter.items()}
+REGISTERED = {number: asked for of_chapter in exercises.chapters().values()
+              for number, asked in of_chapter.items()}
 CLOSED = [number for number, asked in REGISTERED.items() if asked.reply is None]
 MISTAKES = [(number, i) for number in CLOSED for i in range(len(REGISTERED[number].mistakes))]
-ODD = [None, True, 1 + 2j, math.nan, math.inf, -math.inf, "", "−", [], [1, [2]], {}, {"a": ...}, [..., ...], np.eye(3),
+ODD = [None, True, 1 + 2j, math.nan, math.inf, -math.inf, "", "−", [], [1, [2]], {}, {"a": ...},
+       [..., ...], np.eye(3),
        object(), print, np.float64(3), np.array(3), np.array("a"), 10**400]
 
 
@@ -33,13 +37,15 @@ def test_every_mistake_gets_its_own_hint(number, i):
     assert mistake.hint in verdict.said and (mistake.see or asked.see) in verdict.said
 
 
-@pytest.mark.parametrize("number", [n for n in CLOSED if isinstance(REGISTERED[n].right(), float | int)])
+@pytest.mark.parametrize("number", [n for n in CLOSED
+                                    if isinstance(REGISTERED[n].right(), float | int)])
 def test_a_number_outside_the_tolerance_is_wrong(number):
     asked = REGISTERED[number]
     right = asked.right()
     assert asked.rtol <= 0.03, "a check must tell mistakes apart"
     for step in (-1.5, 1.5):
-        assert judge(asked, right + step * (asked.atol + asked.rtol * abs(right)) + step * 1e-9).found != "right"
+        assert judge(asked, right + step * (asked.atol + asked.rtol * abs(right)) + step
+                     * 1e-9).found != "right"
 
 
 @pytest.mark.parametrize("number", REGISTERED)
@@ -59,7 +65,8 @@ def test_a_number_that_no_exercise_has(number):
 
 
 LENGTH = Exercise(lambda: 2.0, see="The gap", unit="mm", mistakes=(
-    Mistake(lambda right: -right, "The sign."), Mistake(lambda right: 2 * right, "The diameter.", see="Eq. (2.1)")))
+    Mistake(lambda right: -right, "The sign."),
+    Mistake(lambda right: 2 * right, "The diameter.", see="Eq. (2.1)")))
 
 
 @pytest.mark.parametrize(("answer", "found", "said"), [

@@ -1,4 +1,6 @@
-"""What the exercises of every chapter keep: a stub, a check and a folded solution that runs and passes it."""
+"""What the exercises of every chapter keep: a stub, a check and a folded solution that runs and
+passes it.
+"""
 
 import ast
 import re
@@ -18,7 +20,8 @@ pytestmark = pytest.mark.parametrize("chapter", NOTEBOOKS)
 
 
 def prose(chapter: str) -> str:
-    return "\n\n".join(cell["source"] for cell in NOTEBOOKS[chapter]["cells"] if cell["cell_type"] == "markdown")
+    return "\n\n".join(cell["source"] for cell in NOTEBOOKS[chapter]["cells"]
+                       if cell["cell_type"] == "markdown")
 
 
 def checks_in(source: str) -> dict[str, str]:
@@ -33,9 +36,11 @@ def assigned(source: str, *, stubs: bool = False) -> set[str]:
     found = set()
     for node in ast.parse(source).body:
         if isinstance(node, ast.Assign) and (not stubs or ast.unparse(node.value) == "..."):
-            found |= {name.id for target in node.targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+            found |= {name.id for target in node.targets for name in ast.walk(target)
+                      if isinstance(name, ast.Name)}
         elif not stubs:
-            found |= {name.id for name in ast.walk(node) if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)}
+            found |= {name.id for name in ast.walk(node) if isinstance(name, ast.Name)
+                      and isinstance(name.ctx, ast.Store)}
     return found
 
 
@@ -43,7 +48,8 @@ def exercise_cells(chapter: str) -> list[tuple[list[str], notebooks.Cell]]:
     """Each folded solution with the stubs before it, in order."""
     found, stubs = [], []
     cells = NOTEBOOKS[chapter]["cells"]
-    start = next(i for i, cell in enumerate(cells) if re.search("^## Exercises", cell["source"], re.MULTILINE))
+    start = next(i for i, cell in enumerate(cells)
+                 if re.search("^## Exercises", cell["source"], re.MULTILINE))
     for cell in cells[start:]:
         if cell["cell_type"] == "code" and assigned(cell["source"], stubs=True):
             stubs.append(cell["source"])
@@ -73,7 +79,8 @@ def test_exercises_have_a_stub_a_check_and_a_folded_solution(chapter):
         answers = set().union(*(assigned(source, stubs=True) for source in stubs))
         solution = "\n".join(code for code, _ in SOLUTION.findall(cell["source"]))
         assert answers <= assigned(solution), f"{number}.{k}: the solution does not assign {answers - assigned(solution)}"
-        assert all(any(re.search(rf"\b{name}\b", line) for line in of_this.values()) for name in answers)
+        assert all(any(re.search(rf"\b{name}\b", line) for line in of_this.values())
+                   for name in answers)
         checked |= of_this
     assert list(checked) == list(registered(chapter))
 
@@ -81,7 +88,8 @@ def test_exercises_have_a_stub_a_check_and_a_folded_solution(chapter):
 def test_hints_point_to_something_that_stands_there(chapter):
     before = [name for name in NOTEBOOKS if name[:2] <= chapter[:2]]
     text = "\n\n".join(prose(name) for name in before)
-    headings, tags = re.findall(r"^#+ (.*)$", text, re.MULTILINE), re.findall(r"\\tag\{([^}]*)\}", text)
+    headings, tags = re.findall(r"^#+ (.*)$", text, re.MULTILINE), re.findall(r"\\tag\{([^}]*)\}",
+                                                                              text)
     for asked in registered(chapter).values():
         for see in (asked.see, *(mistake.see for mistake in asked.mistakes if mistake.see)):
             named = SEE.findall(see)
@@ -90,7 +98,9 @@ def test_hints_point_to_something_that_stands_there(chapter):
 
 
 def needed_for(cells: list[notebooks.Cell], wanted: set[str]) -> list[notebooks.Cell]:
-    """Of the code cells, those with the ids `wanted`, those that name something these use, and so on; and predictions."""
+    """Of the code cells, those with the ids `wanted`, those that name something these use, and so
+    on; and predictions.
+    """
     kept, used = [], set()
     for cell in reversed([cell for cell in cells if cell["cell_type"] == "code"]):
         tree = ast.parse(cell["source"])
@@ -108,7 +118,8 @@ def named(tree: ast.Module) -> set[str]:
             found.add((node.asname or node.name).split(".")[0])
         elif isinstance(node, ast.FunctionDef | ast.ClassDef):
             found.add(node.name)
-        elif isinstance(node, ast.Name | ast.Attribute | ast.Subscript) and isinstance(node.ctx, ast.Store):
+        elif isinstance(node, ast.Name | ast.Attribute | ast.Subscript) and isinstance(node.ctx,
+                                                                                       ast.Store):
             found |= {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
     return found
 
@@ -120,23 +131,29 @@ def test_folded_solutions_run_print_what_they_say_and_pass_their_check(chapter):
     wanted, checks, kept = {}, [], []
 
     def add(name: str, source: str) -> None:
-        kept.append({"cell_type": "code", "id": name, "source": source, "metadata": {}, "outputs": [],
+        kept.append({"cell_type": "code", "id": name, "source": source, "metadata": {},
+                     "outputs": [],
                      "execution_count": None})
 
     for cell in cells:
         kept.append(cell)
-        for i, (code, output) in enumerate(SOLUTION.findall(cell["source"]) if cell["cell_type"] == "markdown" else []):
+        for i, (code, output) in enumerate(SOLUTION.findall(cell["source"])
+                                           if cell["cell_type"] == "markdown" else []):
             add(f"{cell['id']}-solution-{i}", code)
             wanted[f"{cell['id']}-solution-{i}"] = output
         if stubs := solved.get(cell["source"]):
             checks.append(f"{cell['id']}-check")
-            add(checks[-1], "\n".join(line for source in stubs for line in checks_in(source).values()))
+            add(checks[-1], "\n".join(line for source in stubs
+                                      for line in checks_in(source).values()))
     assert wanted
-    done = notebooks.execute(NOTEBOOKS[chapter] | {"cells": needed_for(kept, {*wanted, *checks})}, BOOK)
+    done = notebooks.execute(NOTEBOOKS[chapter] | {"cells": needed_for(kept, {*wanted, *checks})},
+                             BOOK)
     assert not list(notebooks.problems(done))
-    said = {cell["id"]: "".join(output.get("text", "") for output in cell.get("outputs", [])) for cell in done["cells"]}
+    said = {cell["id"]: "".join(output.get("text", "") for output in cell.get("outputs", []))
+            for cell in done["cells"]}
     assert {name: said[name] for name in wanted} == wanted
-    verdicts = [line for name, text in said.items() if name.endswith("-check") for line in text.splitlines()]
+    verdicts = [line for name, text in said.items() if name.endswith("-check")
+                for line in text.splitlines()]
     assert len(verdicts) >= 4
     for line in verdicts:
         number, verdict = line.split(": ", 1)

@@ -1,4 +1,6 @@
-"""The instructor's pages: solutions that compute what they print, every chapter in the syllabus, links that resolve."""
+"""The instructor's pages: solutions that compute what they print, every chapter in the syllabus,
+links that resolve.
+"""
 
 import contextlib
 import io
@@ -15,7 +17,8 @@ PROBLEMS = re.split(r"^(?=## Problem )", TEXTS["problems"], flags=re.MULTILINE)[
 SOLUTION = re.compile(r"```python\n(.*?)```\s*```text\n(.*?)```", re.DOTALL)
 
 
-@pytest.mark.parametrize("problem", PROBLEMS, ids=[text.split(":")[0].strip("# ") for text in PROBLEMS])
+@pytest.mark.parametrize("problem", PROBLEMS,
+                         ids=[text.split(":")[0].strip("# ") for text in PROBLEMS])
 def test_a_problem_is_solved_by_what_it_computes(problem):
     assert re.match(r"## Problem \d: .* \(chapters? [\d, ]+\)\n", problem)
     assert "*For full marks:*" in problem and len(re.findall(r"^\d\. ", problem, re.MULTILINE)) >= 3
@@ -27,7 +30,8 @@ def test_a_problem_is_solved_by_what_it_computes(problem):
 
 
 def test_every_chapter_has_its_time():
-    rows = re.findall(r"^\| (\d+) [^|]+\| (\d+) min \| (\d+) min \|", TEXTS["syllabus"], re.MULTILINE)
+    rows = re.findall(r"^\| (\d+) [^|]+\| (\d+) min \| (\d+) min \|", TEXTS["syllabus"],
+                      re.MULTILINE)
     assert [int(row[0]) for row in rows] == list(range(13))
     reading, exercises = (sum(int(row[i]) for row in rows) / 60 for i in (1, 2))
     said = re.search(r"about (\d+) hours of reading and (\d+) of exercises", TEXTS["syllabus"])
@@ -43,7 +47,8 @@ def test_a_syllabus_for(weeks):
 
 
 def test_every_misconception_has_a_question():
-    rows = re.findall(r"^\| ([A-Z\"][^|]+)\| ([\d, ]+) \| (\"[^|]+) \| ([^|]+) \|$", TEXTS["misconceptions"], re.MULTILINE)
+    rows = re.findall(r"^\| ([A-Z\"][^|]+)\| ([\d, ]+) \| (\"[^|]+) \| ([^|]+) \|$",
+                      TEXTS["misconceptions"], re.MULTILINE)
     assert len(rows) == TEXTS["misconceptions"].count("\n| ") - 1 == 12
     for _, chapters, question, answer in rows:
         assert all(0 <= int(chapter) <= 12 for chapter in chapters.split(","))

@@ -1,4 +1,6 @@
-"""The tool that keeps the book fresh: what it takes out, what it reports, and that two runs give the same bytes."""
+"""The tool that keeps the book fresh: what it takes out, what it reports, and that two runs give
+the same bytes.
+"""
 
 import base64
 import copy
@@ -26,7 +28,8 @@ def drawn(**more) -> bytes:
 
 
 def code(source, *outputs, count=None, **more):
-    return {"cell_type": "code", "source": source, "outputs": list(outputs), "execution_count": count,
+    return {"cell_type": "code", "source": source, "outputs": list(outputs),
+            "execution_count": count,
             "metadata": {}, **more}
 
 
@@ -53,9 +56,11 @@ def used():
               "data": {"text/html": f'<img src="data:image/png;base64,{png}">', "text/plain": "a"}}
     lonely = {"output_type": "display_data", "metadata": {}, "data": {VIEW: {"model_id": "2b"}}}
     return notebook(
-        {"cell_type": "markdown", "source": "# A title  \n\n", "metadata": {"editable": True}, "id": "title"},
+        {"cell_type": "markdown", "source": "# A title  \n\n", "metadata": {"editable": True},
+         "id": "title"},
         code("1\n", shown, result, lonely, count=17, id="same",
-             metadata={"execution": {"iopub.execute_input": "2020"}, "tags": ["raises-exception"], "scrolled": True}),
+             metadata={"execution": {"iopub.execute_input": "2020"}, "tags": ["raises-exception"],
+                       "scrolled": True}),
         code("2", stream("a\n"), stream("b\n"), stream("c", "stderr"), count=3, id="same"),
         code(""), metadata={"widgets": {"state": {}}, "kernelspec": {"name": "mine"}})
 
@@ -68,7 +73,8 @@ def test_clean_takes_out_what_changes_from_run_to_run(used):
     title, first, second, empty = clean["cells"]
     assert title == {"cell_type": "markdown", "source": "# A title", "metadata": {}, "id": "title"}
     assert first["metadata"] == {"tags": ["raises-exception"]}
-    assert [first["execution_count"], second["execution_count"], empty["execution_count"]] == [1, 2, None]
+    assert [first["execution_count"], second["execution_count"],
+            empty["execution_count"]] == [1, 2, None]
     picture, result = first["outputs"]
     assert set(picture["data"]) == {"image/png", "text/plain"} and picture["metadata"] == {}
     assert result["execution_count"] == 1
@@ -104,9 +110,12 @@ def test_a_picture_keeps_its_pixels_and_its_words():
 
 def test_problems_are_named_with_their_cell():
     failed = {"output_type": "error", "ename": "ValueError", "evalue": "no", "traceback": ["…"]}
-    bad = notebooks.clean(notebook(code("a()", failed, count=1), code("b()", stream("hm", "stderr"), count=2), code("c"),
-                                   code("d()", failed, count=3, metadata={"tags": ["raises-exception"]})))
-    assert list(notebooks.problems(bad)) == ["cell 1 (a()) raises ValueError: no", "cell 2 (b()) writes to stderr: hm",
+    bad = notebooks.clean(notebook(code("a()", failed, count=1),
+                                   code("b()", stream("hm", "stderr"), count=2), code("c"),
+                                   code("d()", failed, count=3,
+                                        metadata={"tags": ["raises-exception"]})))
+    assert list(notebooks.problems(bad)) == ["cell 1 (a()) raises ValueError: no", "cell 2 (b()) "
+                                             "writes to stderr: hm",
                                              "cell 3 (c) has not run"]
     assert bad["cells"][0]["outputs"][0]["traceback"] == []
 
@@ -114,7 +123,8 @@ def test_problems_are_named_with_their_cell():
 def test_two_executions_give_the_same_bytes(tmp_path):
     path = write(tmp_path / "a.ipynb", "import ipywidgets\nfrom matplotlib.figure import Figure",
                  "figure = Figure(figsize=(1, 1))\nfigure.subplots().plot([1, 2])\nfigure",
-                 "print('a')\nprint('b')\nipywidgets.IntSlider(3)", "from hydrolab import rpm\nf'{rpm(30):.3f}'")
+                 "print('a')\nprint('b')\nipywidgets.IntSlider(3)", "from hydrolab import "
+                 "rpm\nf'{rpm(30):.3f}'")
     assert notebooks.main([str(path)]) == 0
     first = path.read_bytes()
     assert notebooks.main([str(path)]) == 0
@@ -131,7 +141,8 @@ def test_check_tells_stale_from_unclean_and_writes_nothing(tmp_path, capsys):
     assert notebooks.main([str(path)]) == 0
     assert "+2" in capsys.readouterr().out
     fresh = path.read_text()
-    for stored, said in ((fresh.replace('"2\\n"', '"3\\n"'), "stale"), (fresh.replace("\n ", "\n  "), "not clean")):
+    for stored, said in ((fresh.replace('"2\\n"', '"3\\n"'), "stale"),
+                         (fresh.replace("\n ", "\n  "), "not clean")):
         path.write_text(stored)
         assert notebooks.main(["--check", str(path)]) == 1
         assert said in capsys.readouterr().out
@@ -150,7 +161,8 @@ def test_other_pixels_are_reported_but_not_stale(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("source", "said"), [("1 / 0", "ZeroDivisionError"),
-                                              ("import warnings\nwarnings.warn('careful')", "careful")])
+                                              ("import warnings\nwarnings.warn('careful')",
+                                               "careful")])
 def test_a_notebook_that_fails_or_warns_is_not_written(tmp_path, capsys, source, said):
     path = write(tmp_path / "a.ipynb", source)
     before = path.read_bytes()

@@ -1,4 +1,6 @@
-"""From chapters to pages, and to a copy without solutions: what is added, what is taken away, what stays."""
+"""From chapters to pages, and to a copy without solutions: what is added, what is taken away, what
+stays.
+"""
 
 import json
 import re
@@ -19,18 +21,22 @@ PLACES = {"2.1": "02-a", "1.3": "01-b"}
 
 def markdown(*texts):
     return {"cells": [{"cell_type": "markdown", "source": text, "metadata": {}, "id": f"c{i}"}
-                      for i, text in enumerate(texts)], "metadata": {}, "nbformat": 4, "nbformat_minor": 5}
+                      for i, text in enumerate(texts)], "metadata": {}, "nbformat": 4,
+            "nbformat_minor": 5}
 
 
 @pytest.mark.parametrize(("text", "page"), [
     ("By (1.3) and (2.1).", 'By <a class="eq" href="01-b.html#eq-1-3">(1.3)</a> and '
                             '<a class="eq" href="02-a.html#eq-2-1">(2.1)</a>.'),
-    ("Factor (1.3 times), (9.9), `(1.3)`, $f(1.3)$.", "Factor (1.3 times), (9.9), `(1.3)`, $f(1.3)$."),
+    ("Factor (1.3 times), (9.9), `(1.3)`, $f(1.3)$.", "Factor (1.3 times), (9.9), `(1.3)`, "
+                                                      "$f(1.3)$."),
     ("```python\nf(1.3)\n```", "```python\nf(1.3)\n```"),
     ("[Eq. (1.3)](01-b.ipynb)", "[Eq. (1.3)](01-b.ipynb)"),
     ("So\n\n$$ a = b \\tag{2.1} $$", 'So\n\n<span id="eq-2-1"></span>\n\n$$ a = b \\tag{2.1} $$'),
-    ("doi:10.1006/jsvi.2001.4088.", "[doi:10.1006/jsvi.2001.4088](https://doi.org/10.1006/jsvi.2001.4088)."),
-    ("doi:10.1007/s00202-z, 2004", "[doi:10.1007/s00202-z](https://doi.org/10.1007/s00202-z), 2004"),
+    ("doi:10.1006/jsvi.2001.4088.",
+     "[doi:10.1006/jsvi.2001.4088](https://doi.org/10.1006/jsvi.2001.4088)."),
+    ("doi:10.1007/s00202-z, 2004",
+     "[doi:10.1007/s00202-z](https://doi.org/10.1007/s00202-z), 2004"),
 ])
 def test_running_text_gets_links_and_equations_anchors(text, page):
     assert pages.linked(text, PLACES) == page
@@ -41,11 +47,14 @@ def test_a_flipbook_follows_its_still_picture():
             "frames": [{"value": "1", "reading": "a </script> b", "picture": "data:,a"},
                        {"value": "2", "reading": "b", "picture": "data:,b"}]}
     output = {"output_type": "display_data", "metadata": {}, "data": {
-        "text/html": "<figure><img/></figure>", "text/plain": "b", pages.FLIPBOOK: json.dumps(book)}}
+        "text/html": "<figure><img/></figure>", "text/plain": "b",
+        pages.FLIPBOOK: json.dumps(book)}}
     notebook = {"cells": [{"cell_type": "code", "source": "a", "outputs": [output]}]}
-    page = json.loads(pages.chapter_page(json.dumps(notebook), {}))["cells"][0]["outputs"][0]["data"]
+    page = json.loads(pages.chapter_page(json.dumps(notebook),
+                                         {}))["cells"][0]["outputs"][0]["data"]
     assert set(page) == {"text/html", "text/plain"}
-    assert page["text/html"].startswith('<div class="flipbook" data-whole="data:,w" data-width="30"><figure>')
+    assert page["text/html"].startswith('<div class="flipbook" data-whole="data:,w" '
+                                        'data-width="30"><figure>')
     assert page["text/html"].count("</script>") == 1
     frames = re.search(r'json">(.*)</script>', page["text/html"])[1]
     assert json.loads(frames) == book["frames"]
@@ -85,22 +94,28 @@ answer = 42
 
 
 def test_a_copy_for_students_has_no_solutions():
-    bare = without_solutions(markdown("Question", SOLVED, f"1. Ask\n\n{SOLVED.replace('Solution', 'Answers')}\n\n## Next",
+    bare = without_solutions(markdown("Question", SOLVED,
+                                      f"1. Ask\n\n{SOLVED.replace('Solution', 'Answers')}\n\n## "
+                                      "Next",
                                       SOLVED.replace("Solution", "One possible answer"),
-                                      "<details><summary>More on this</summary>\n\nText\n\n</details>"))
+                                      "<details><summary>More on "
+                                      "this</summary>\n\nText\n\n</details>"))
     texts = [cell["source"] for cell in bare["cells"]]
-    assert texts[:2] == ["Question", "1. Ask\n\n## Next"] and len(texts) == 3 and "More on this" in texts[2]
+    assert texts[:2] == ["Question",
+                         "1. Ask\n\n## Next"] and len(texts) == 3 and "More on this" in texts[2]
 
 
 def test_the_book_is_handed_out_whole_but_for_solutions(tmp_path, capsys):
     folder = tmp_path / "class"
     assert main(["lab", "--students", str(folder)]) == 0
     assert "without solutions" in capsys.readouterr().out
-    assert {path.relative_to(folder) for path in folder.rglob("*") if path.is_file()} == set(course_files(BOOK))
+    assert {path.relative_to(folder) for path in folder.rglob("*")
+            if path.is_file()} == set(course_files(BOOK))
     for path in folder.glob("*.ipynb"):
         notebook = notebooks.read(path)
         text = "".join(cell["source"] for cell in notebook["cells"])
-        assert not re.search(r"<summary>[^<]*(?:Solution|[Aa]nswer)", text) and "## Exercises" in text
+        assert not re.search(r"<summary>[^<]*(?:Solution|[Aa]nswer)",
+                             text) and "## Exercises" in text
         assert path.read_text() == notebooks.text(notebooks.clean(notebook))
     assert main(["lab", "--students", str(folder)]) == 2
     assert "not an empty folder" in capsys.readouterr().err
@@ -110,7 +125,8 @@ def test_the_book_is_handed_out_whole_but_for_solutions(tmp_path, capsys):
 
 def test_the_command_refreshes_chapters_by_number(monkeypatch, capsys):
     asked = []
-    monkeypatch.setattr(notebooks, "refresh", lambda path, check: (asked.append((path.name[:2], check)), (True, "fine"))[1])
+    monkeypatch.setattr(notebooks, "refresh", lambda path,
+                        check: (asked.append((path.name[:2], check)), (True, "fine"))[1])
     assert main(["book", "--refresh", "10", "02", "--check"]) == 0
     assert asked == [("10", True), ("02", True)]
     assert main(["book", "--refresh"]) == 0

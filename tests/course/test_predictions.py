@@ -48,7 +48,8 @@ def test_a_prediction_is_answered_and_recalled(capsys):
     said = capsys.readouterr().out
     assert "2a: Computed: 1 mm. You said 2 mm: 2 times as much. The pull grows" in said
     recall()
-    assert capsys.readouterr().out.splitlines() == ["2a: Computed: 1 mm. You said 2 mm: 2 times as much.",
+    assert capsys.readouterr().out.splitlines() == ["2a: Computed: 1 mm. You said 2 mm: 2 times as "
+                                                    "much.",
                                                     "2b: not computed yet; run the cells above."]
 
 

@@ -1,4 +1,6 @@
-"""Records of faulty machines: each fault shows in the evidence that chapter 12 teaches, and only there."""
+"""Records of faulty machines: each fault shows in the evidence that chapter 12 teaches, and only
+there.
+"""
 
 import itertools
 import math
@@ -30,7 +32,8 @@ from hydrolab.dynamics.stability import floquet
 from hydrolab.errors import BadInput
 
 REFERENCE = evidence(healthy())
-KEYS = {ECCENTRICITY: "static_eccentricity", UNBALANCE: "unbalance", OVALITY: "ovality", SOFT: "bearing"}
+KEYS = {ECCENTRICITY: "static_eccentricity", UNBALANCE: "unbalance", OVALITY: "ovality",
+        SOFT: "bearing"}
 SMALL, LARGE = 0.7, 2.3  # rad, directions
 
 
@@ -40,16 +43,20 @@ def of_fault(fault, size, **more):
 
 def test_a_healthy_machine_has_no_fault():
     for seed, direction in ((1, SMALL), (2, LARGE)):
-        other = recording(Condition(direction=direction, unbalance=1.1, static_eccentricity=0.015), seed=seed)
+        other = recording(Condition(direction=direction, unbalance=1.1, static_eccentricity=0.015),
+                          seed=seed)
         assert diagnose(evidence(other), REFERENCE) == "none"
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_each_fault_is_named_at_both_ends_of_its_sizes_in_every_setting(fault):
-    """Setting: the imperfections that every machine has, at the corners of what `condition_of` draws."""
+    """Setting: the imperfections that every machine has, at the corners of what `condition_of`
+    draws.
+    """
     corners = itertools.product(SIZES[fault], (0.9, 1.1), (0.005, 0.015), (0.0, 1.5))
     for size, unbalance, eccentricity, axis in corners:
-        setting = {"unbalance": unbalance, "static_eccentricity": eccentricity, "axis": axis, KEYS[fault]: size}
+        setting = {"unbalance": unbalance, "static_eccentricity": eccentricity, "axis": axis,
+                   KEYS[fault]: size}
         assert diagnose(of_fault(fault, size, **setting), REFERENCE) == fault, setting
 
 
@@ -62,28 +69,33 @@ def test_the_evidence_is_the_one_the_chapter_teaches():
     assert eccentric.second > 2 * oval.second
     for found in (heavy, soft):
         assert found.roundness > 0.9 and found.first > 1.3 * REFERENCE.first
-    assert heavy.first_off / REFERENCE.first_off == pytest.approx(2.4, rel=0.01)  # without field: linear
+    # without field: linear
+    assert heavy.first_off / REFERENCE.first_off == pytest.approx(2.4, rel=0.01)
     assert heavy.bearing_share == pytest.approx(REFERENCE.bearing_share, rel=0.02)
     assert soft.bearing_share > 1.2 * REFERENCE.bearing_share
-    assert heavy.second / REFERENCE.second == pytest.approx(2.4**2, rel=0.15)  # 2X goes with the square of 1X
+    # 2X goes with the square of 1X
+    assert heavy.second / REFERENCE.second == pytest.approx(2.4**2, rel=0.15)
 
 
 def test_an_oval_gap_alone_makes_no_second_harmonic_and_no_mean():
     """Turned by half a revolution the machine is the same, so the motion has odd harmonics only."""
     orbit = steady_state(Condition(static_eccentricity=0.0, ovality=0.1, axis=0.6))
-    assert np.abs(orbit.coefficients[:, [0, 3, 4, 7, 8]]).max() < 1e-12 < 1e-8 < np.abs(orbit.coefficients[:, 5:7]).max()
+    assert np.abs(orbit.coefficients[:, [0, 3, 4, 7,
+                                         8]]).max() < 1e-12 < 1e-8 < np.abs(orbit.coefficients[:, 5:7]).max()
 
 
 @pytest.mark.parametrize("fault", FAULTS)
 def test_recorded_states_are_stable_so_that_a_machine_can_be_in_them(fault):
     for size in SIZES[fault]:
-        assert floquet(steady_state(Condition(**{"unbalance": 1.1, KEYS[fault]: size}))).verdict == "stable"
+        assert floquet(steady_state(Condition(**{"unbalance": 1.1,
+                                                 KEYS[fault]: size}))).verdict == "stable"
 
 
 def test_the_motion_of_an_oval_gap_is_what_integration_finds():
     condition = Condition(ovality=0.08, axis=0.6)
     orbit = steady_state(condition)
-    motion = integrate(orbit.model, RungeKutta(rtol=1e-7), speed=orbit.speed, static_eccentricity=0.01, revolutions=6,
+    motion = integrate(orbit.model, RungeKutta(rtol=1e-7), speed=orbit.speed,
+                       static_eccentricity=0.01, revolutions=6,
                        start=orbit)
     times, path = motion.last(1)
     assert np.abs(path - orbit.positions(orbit.speed * times)).max() < 1e-7
@@ -92,10 +104,12 @@ def test_the_motion_of_an_oval_gap_is_what_integration_finds():
 def test_a_record_is_the_steady_state_with_noise():
     condition = Condition(static_eccentricity=0.07)
     taken, orbit = record(condition, seed=3), steady_state(condition)
-    assert np.abs(taken.coefficients(harmonics=6) - orbit.coefficients).max() < 5 * records.NOISE * math.sqrt(2 / 4096)
+    assert np.abs(taken.coefficients(harmonics=6)
+                  - orbit.coefficients).max() < 5 * records.NOISE * math.sqrt(2 / 4096)
     noise = taken.positions["generator"] - orbit.positions(taken.speed * taken.times)
     assert noise.std() == pytest.approx(records.NOISE, rel=0.05)
-    assert np.array_equal(record(condition, seed=3).positions["generator"], taken.positions["generator"])
+    assert np.array_equal(record(condition, seed=3).positions["generator"],
+                          taken.positions["generator"])
     with pytest.raises(BadInput, match="there are probes at"):
         taken.coefficients("spider")
 

@@ -13,7 +13,9 @@ from hydrolab.errors import BadInput
 
 @pytest.fixture(scope="module")
 def machines(make_kaplan, make_jeffcott):
-    """Machines of different size, field, mass and speed: nothing in common but the number of harmonics."""
+    """Machines of different size, field, mass and speed: nothing in common but the number of
+    harmonics.
+    """
     models = [make_kaplan(elements, mass=mass, field=field).model() for elements, mass, field in
               itertools.product((4, 12), (5e4, 7e4), (0.4, 0.5))]
     return [*models, make_jeffcott().model(), make_jeffcott(stiffness=5e8, radius=5e-4).model()]
@@ -38,12 +40,15 @@ def test_batch_is_what_each_finds_alone(machines, speed):
 
 
 def test_a_whole_leg_at_once(unit, speed):
-    """Up to 1e-4 of the fold and still the first leg; 1e-12 wherever the single one is as good as that."""
+    """Up to 1e-4 of the fold and still the first leg; 1e-12 wherever the single one is as good as
+    that.
+    """
     branch = follow(unit, to=0.2, speed=speed)
     fold = branch.folds[0].value
     values = fold * (1 - np.geomspace(1e-4, 0.9, 30))
     rows = branch.first_leg
-    guess = np.stack([np.interp(values, branch.values[rows], column) for column in branch.unknowns[rows].T], axis=1)
+    guess = np.stack([np.interp(values, branch.values[rows], column)
+                      for column in branch.unknowns[rows].T], axis=1)
     batch = stack([branch.equations]).take(np.zeros(len(values), dtype=int))
     y, outcome = newton_batch(batch, guess, np.array([unit.centre(v) for v in values]))
     assert (outcome == Outcome.CONVERGED).all()
@@ -53,7 +58,9 @@ def test_a_whole_leg_at_once(unit, speed):
 
 
 def test_those_that_fail_leave_the_others_alone(unit, peer, speed):
-    """Beyond the fold there is nothing; a start outside the gap is no start; the rest must not notice."""
+    """Beyond the fold there is nothing; a start outside the gap is no start; the rest must not
+    notice.
+    """
     branch = follow(unit, to=0.2, speed=speed, )
     eq, other = branch.equations, HarmonicBalance().equations(peer, speed)
     good = start(eq)
@@ -62,10 +69,14 @@ def test_those_that_fail_leave_the_others_alone(unit, peer, speed):
     lost = np.full_like(good, np.nan)
     systems = [eq, eq, other, eq, eq, other]
     centres = np.array([unit.centre(e) for e in (0.05, 0.05, 0.05, 0.3, 0.05, 0.3)])
-    y, outcome = newton_batch(stack(systems), np.stack([good, far, start(other), good, lost, start(other)]), centres)
-    assert outcome.tolist() == [Outcome.CONVERGED, Outcome.OUTSIDE, Outcome.CONVERGED, Outcome.STALLED,
+    y, outcome = newton_batch(stack(systems),
+                              np.stack([good, far, start(other), good, lost, start(other)]),
+                              centres)
+    assert outcome.tolist() == [Outcome.CONVERGED, Outcome.OUTSIDE, Outcome.CONVERGED,
+                                Outcome.STALLED,
                                 Outcome.OUTSIDE, Outcome.STALLED]
-    calm, calm_outcome = newton_batch(stack([eq, other]), np.stack([good, start(other)]), centres[[0, 2]])
+    calm, calm_outcome = newton_batch(stack([eq, other]), np.stack([good, start(other)]),
+                                      centres[[0, 2]])
     assert (calm_outcome == Outcome.CONVERGED).all()
     assert y[[0, 2]] == pytest.approx(calm, abs=1e-15)
     assert y[1] == pytest.approx(far)  # left where it was
@@ -108,7 +119,8 @@ def test_steps_allowed(unit, speed):
 
 
 def test_what_cannot_be_stacked(unit, speed):
-    four, eight = HarmonicBalance(4).equations(unit, speed), HarmonicBalance(8).equations(unit, speed)
+    four, eight = HarmonicBalance(4).equations(unit, speed), HarmonicBalance(8).equations(unit,
+                                                                                          speed)
     with pytest.raises(BadInput, match="same number of harmonics"):
         stack([four, eight])
     shaped = replace(unit, law=ShapedPull(unit.law.stiffness, unit.gap, np.full(64, unit.gap)))

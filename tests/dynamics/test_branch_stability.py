@@ -1,4 +1,6 @@
-"""Stability of whole branches of the shipped unit and its kind: other methods, other people's traps, and time itself."""
+"""Stability of whole branches of the shipped unit and its kind: other methods, other people's
+traps, and time itself.
+"""
 
 import math
 from dataclasses import replace
@@ -43,8 +45,10 @@ def judged(branch):
 def linear_part(model, speed):
     """ẋ = A x + push f for x = (q, q̇), and the rows that see the generator."""
     n, inverse = model.size, np.linalg.inv(model.M)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ model.K, -inverse @ (model.C + speed * model.G)]])
-    return A, np.vstack([np.zeros((n, 2)), inverse @ model.selection.T]), np.hstack([model.selection, 0 * model.selection])
+    A = np.block([[np.zeros((n, n)), np.eye(n)],
+                  [-inverse @ model.K, -inverse @ (model.C + speed * model.G)]])
+    return A, np.vstack([np.zeros((n, 2)), inverse
+                         @ model.selection.T]), np.hstack([model.selection, 0 * model.selection])
 
 
 def slope_at(orbit, phase):
@@ -62,21 +66,24 @@ def by_dop853(orbit, modes):
         s = s.reshape(n, n)
         return (A @ s + push @ (slope_at(orbit, np.array([w * t]))[:, :, 0] @ (watch @ s))).ravel()
 
-    found = solve_ivp(rate, (0, 2 * math.pi / w), np.eye(n).ravel(), "DOP853", rtol=1e-9, atol=1e-12)
+    found = solve_ivp(rate, (0, 2 * math.pi / w), np.eye(n).ravel(), "DOP853", rtol=1e-9,
+                      atol=1e-12)
     mu = np.linalg.eigvals(found.y[:, -1].reshape(n, n))
     return mu[np.argsort(-np.abs(mu))]
 
 
 def by_hill(orbit, modes, harmonics):
-    """Multipliers from Hill's matrix of the first-order form, x = e^{λt} Σ c_k e^{ikωt}; largest first.
+    """Multipliers from Hill's matrix of the first-order form, x = e^{λt} Σ c_k e^{ikωt}; largest
+    first.
 
-    Of the copies λ + ikω those are taken whose mean harmonic Σ k |c_k|² lies nearest to 0 (Moore 2005), not those with
-    the smallest imaginary part.
+    Of the copies λ + ikω those are taken whose mean harmonic Σ k |c_k|² lies nearest to 0 (Moore
+    2005), not those with the smallest imaginary part.
     """
     small, w = reduce(orbit.model, modes, gyroscopic=True), orbit.speed
     A, push, watch = linear_part(small, w)
     n, samples = len(A), 16 * harmonics
-    waves = np.fft.fft(slope_at(orbit, 2 * math.pi * np.arange(samples) / samples), axis=-1) / samples
+    waves = np.fft.fft(slope_at(orbit, 2 * math.pi * np.arange(samples) / samples),
+                       axis=-1) / samples
     ks = np.arange(-harmonics, harmonics + 1)
     matrix = np.zeros((len(ks), n, len(ks), n), dtype=complex)
     for a, k in enumerate(ks):
@@ -98,7 +105,9 @@ def apart(found, expected):
 # ------------------------------------------------------------------ the shipped unit
 
 def test_the_legs_of_the_shipped_unit(branch, judged):
-    """First leg stable to its fold, the way back not, the second leg between two flips and again just before its end."""
+    """First leg stable to its fold, the way back not, the second leg between two flips and again
+    just before its end.
+    """
     assert isinstance(judged, BranchStability)
     assert "unknown" not in judged.verdicts
     folds = [f.value for f in branch.folds]
@@ -116,7 +125,9 @@ def test_the_legs_of_the_shipped_unit(branch, judged):
 
 
 def test_the_last_stable_window_in_time(branch):
-    """Between the Neimark–Sacker point and the third fold, two hundredths of a per cent: pushed, it comes back."""
+    """Between the Neimark–Sacker point and the third fold, two hundredths of a per cent: pushed, it
+    comes back.
+    """
     orbit = orbits_at(branch, 0.1078)[0]
     assert floquet(orbit).verdict == "stable"
     below = orbits_at(branch, 0.1072)[0]
@@ -127,7 +138,8 @@ def test_the_last_stable_window_in_time(branch):
 
 
 def test_stable_orbits_at_one_eccentricity(branch):
-    assert [len(stable_orbits_at(branch, e)) for e in (0.05, 0.075, 0.088, 0.1, 0.107)] == [1, 1, 2, 1, 0]
+    assert [len(stable_orbits_at(branch, e)) for e in (0.05, 0.075, 0.088, 0.1, 0.107)] == [1, 1,
+                                                                                            2, 1, 0]
     low, high = stable_orbits_at(branch, 0.088)
     assert abs(low.mean[0]) < abs(high.mean[0])
     assert len(orbits_at(branch, 0.088)) == 3
@@ -146,9 +158,12 @@ def test_against_dop853(branch, value):
 
 
 def test_steps_do_not_matter_to_the_whole_set(branch):
-    """Same basis, DOP853 on one side, Strang's splitting with Richardson on the other: every multiplier."""
+    """Same basis, DOP853 on one side, Strang's splitting with Richardson on the other: every
+    multiplier.
+    """
     orbit = orbits_at(branch, 0.088)[2]
-    values, error = multipliers(split(orbit.model, orbit.speed, 6), orbit.coefficients[None], orbit.centre[None], 128)
+    values, error = multipliers(split(orbit.model, orbit.speed, 6), orbit.coefficients[None],
+                                orbit.centre[None], 128)
     truth = by_dop853(orbit, 6)
     assert len(truth) == values.shape[1]
     assert apart(values[0], truth) < 1e-6
@@ -168,10 +183,13 @@ def test_against_hill(branch, value):
 
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_plus_one_on_the_folds(shipped, speed, number):
-    """µ = +1 to 1e-6, on orbits of 16 harmonics. Without the gyroscopic deflections 12 modes miss it by 6e-6."""
+    """µ = +1 to 1e-6, on orbits of 16 harmonics. Without the gyroscopic deflections 12 modes miss
+    it by 6e-6.
+    """
     fine = follow(shipped, speed=speed, method=Arclength(HarmonicBalance(16), tail=0))
     orbit = fine.at_fold(number)
-    values, _ = multipliers(split(shipped, speed, 12), orbit.coefficients[None], orbit.centre[None], 256)
+    values, _ = multipliers(split(shipped, speed, 12), orbit.coefficients[None],
+                            orbit.centre[None], 256)
     assert np.abs(values[0] - 1).min() < 1e-6
     assert floquet(orbit).verdict != "stable"
 
@@ -201,10 +219,13 @@ def test_crossings_are_where_dop853_sees_them(branch, judged):
 
 
 def test_crossings_do_not_move(shipped, speed, judged):
-    """Located to 1e-6 of the gap: with twice the harmonics, 12 modes and eight times the steps they stay."""
+    """Located to 1e-6 of the gap: with twice the harmonics, 12 modes and eight times the steps they
+    stay.
+    """
     finer = follow(shipped, speed=speed, method=Arclength(HarmonicBalance(16), tail=3))
     again = branch_stability(finer, modes=12, steps=256, guard=False)
-    assert [c.value for c in judged.crossings] == pytest.approx([c.value for c in again.crossings], abs=1e-7)
+    assert [c.value for c in judged.crossings] == pytest.approx([c.value for c in again.crossings],
+                                                                abs=1e-7)
 
 
 def test_neimark_sacker_on_another_machine(make_jeffcott, speed):
@@ -219,19 +240,24 @@ def test_neimark_sacker_on_another_machine(make_jeffcott, speed):
 
             def rate(t, s, orbit=orbit, A=A, push=push, watch=watch):
                 s = s.reshape(4, 4)
-                return (A @ s + push @ (slope_at(orbit, np.array([speed * t]))[:, :, 0] @ (watch @ s))).ravel()
+                return (A @ s + push @ (slope_at(orbit, np.array([speed * t]))[:, :, 0]
+                                        @ (watch @ s))).ravel()
 
-            end = solve_ivp(rate, (0, 2 * math.pi / speed), np.eye(4).ravel(), "DOP853", rtol=1e-11, atol=1e-13)
+            end = solve_ivp(rate, (0, 2 * math.pi / speed), np.eye(4).ravel(), "DOP853",
+                            rtol=1e-11, atol=1e-13)
             mu = np.linalg.eigvals(end.y[:, -1].reshape(4, 4))
             assert np.abs(np.abs(mu) - 1).min() < 1e-6
 
 
-# ------------------------------------------------------------------ 200 orbits, pushed and integrated
+# ------------------------------------------------------------------ 200 orbits, pushed and
+# integrated
 
 def follow_in_time(orbits, revolutions, steps, push, modes=6):
-    """Distance of disturbed motions from their orbits after each revolution, in gaps, (revolutions, orbits).
+    """Distance of disturbed motions from their orbits after each revolution, in gaps, (revolutions,
+    orbits).
 
-    Classical Runge–Kutta on all orbits at once, written here: no splitting, no multiplier, the full nonlinear pull.
+    Classical Runge–Kutta on all orbits at once, written here: no splitting, no multiplier, the full
+    nonlinear pull.
     """
     model, w = orbits[0].model, orbits[0].speed
     small = reduce(model, modes, gyroscopic=True)
@@ -268,13 +294,15 @@ def follow_in_time(orbits, revolutions, steps, push, modes=6):
 
 @pytest.mark.parametrize("which", ["shipped", "unit"])
 def test_a_hundred_verdicts_in_time(request, speed, which):
-    """A random hundred of the orbits of each of two units, all legs: pushed by 2e-5 of the gap and left to time.
+    """A random hundred of the orbits of each of two units, all legs: pushed by 2e-5 of the gap and
+    left to time.
 
-    Those nearer to the unit circle than 3 % have not decided in 80 revolutions and are counted apart, as are those
-    whose verdict is "unknown".
+    Those nearer to the unit circle than 3 % have not decided in 80 revolutions and are counted
+    apart, as are those whose verdict is "unknown".
     """
     model = request.getfixturevalue(which)
-    branch = follow(model, speed=speed, to=0.3, method=Arclength(HarmonicBalance(8), max_step=0.005, tail=0))
+    branch = follow(model, speed=speed, to=0.3,
+                    method=Arclength(HarmonicBalance(8), max_step=0.005, tail=0))
     rows = np.sort(np.random.default_rng(3).choice(len(branch), 100, replace=False))
     orbits = [branch[i] for i in rows]
     verdicts = floquet_all(orbits)
@@ -297,20 +325,26 @@ def test_a_hundred_verdicts_in_time(request, speed, which):
 # ------------------------------------------------------------------ the guards fire
 
 def test_coarse_orbits_are_never_wrongly_stable(shipped, speed):
-    """Two harmonics, one mode, eight steps: it may look again or say unknown, but a "stable" must be one."""
+    """Two harmonics, one mode, eight steps: it may look again or say unknown, but a "stable" must
+    be one.
+    """
     coarse = follow(shipped, speed=speed, method=Arclength(HarmonicBalance(2), tail=4))
     orbits = [coarse[i] for i in range(0, len(coarse), 4)]
     wrong_alone = 0
     for orbit, found in zip(orbits, floquet_all(orbits, modes=1, steps=8), strict=True):
         try:
-            better = HarmonicBalance(16).solve(shipped, speed, orbit.static_eccentricity, start=orbit)
+            better = HarmonicBalance(16).solve(shipped, speed, orbit.static_eccentricity,
+                                               start=orbit)
         except NoConvergence:  # two harmonics put the fold elsewhere: there is no such orbit
             assert found.verdict != "stable"
             continue
-        values, _ = multipliers(split(shipped, speed, 12), better.coefficients[None], better.centre[None], 128)
+        values, _ = multipliers(split(shipped, speed, 12), better.coefficients[None],
+                                better.centre[None], 128)
         truth = abs(values[0, 0])
-        alone, _ = multipliers(split(shipped, speed, 1), orbit.coefficients[None], orbit.centre[None], 8)
-        wrong_alone += (abs(alone[0, 0]) < 1) != (truth < 1) or abs(abs(alone[0, 0]) - truth) > 0.05 * truth
+        alone, _ = multipliers(split(shipped, speed, 1), orbit.coefficients[None],
+                               orbit.centre[None], 8)
+        wrong_alone += (abs(alone[0, 0]) < 1) != (truth < 1) or abs(abs(alone[0, 0])
+                                                                    - truth) > 0.05 * truth
         if found.verdict == "unknown":
             continue
         assert (found.verdict == "stable") == (truth < 1)
@@ -329,7 +363,9 @@ def test_an_orbit_that_is_lost_with_more_harmonics_is_unknown(shipped, speed, mo
 
 
 def test_an_orbit_that_is_no_solution_is_not_judged_by_itself(shipped, speed):
-    """A shifted copy is solved again first: the verdict is that of the steady state nearby, or unknown."""
+    """A shifted copy is solved again first: the verdict is that of the steady state nearby, or
+    unknown.
+    """
     orbit = HarmonicBalance().solve(shipped, speed, 0.08)
     wrong = replace(orbit, local=1.02 * orbit.local)
     assert abs(floquet(wrong).largest - floquet(orbit).largest) < 1e-3
@@ -356,13 +392,17 @@ def test_nothing_is_stable_within_the_margin(shipped, branch, speed):
 
 def test_sets_of_multipliers_are_compared_both_ways():
     one = np.array([[1.1 + 0j, 0.95, 0.2]])
-    assert moved(one, np.array([[1.1 + 0j, 0.2, 0.1]]))[0] == pytest.approx(0.15)  # one that is missing
-    assert moved(np.array([[0.9 + 0j, 0.2]]), np.array([[1.2 + 0j, 0.9, 0.1]]))[0] == pytest.approx(0.3)  # or too many
+    # one that is missing
+    assert moved(one, np.array([[1.1 + 0j, 0.2, 0.1]]))[0] == pytest.approx(0.15)
+    assert moved(np.array([[0.9 + 0j, 0.2]]),
+                 np.array([[1.2 + 0j, 0.9, 0.1]]))[0] == pytest.approx(0.3)  # or too many
     assert moved(one, np.array([[1.1 + 0j, 0.95, 0.5]]))[0] == 0.0  # 0.2 or 0.5: both decided
 
 
 def test_number_outside(branch, judged):
-    """Between two folds the number of multipliers outside changes by the fold's one and the flips' one each."""
+    """Between two folds the number of multipliers outside changes by the fold's one and the flips'
+    one each.
+    """
     counts = [outside(p) for p in judged.points]
     assert counts[0] == 0
     first, second = branch.folds[0].after, branch.folds[1].after
@@ -381,7 +421,9 @@ def test_other_gaps_are_judged_one_by_one(shipped, speed):
 
 
 def test_the_quick_look_is_good_to_a_thousandth(branch, judged):
-    """What a moving slider shows, without guards: moduli within 1e-3, and the same verdicts or unknown."""
+    """What a moving slider shows, without guards: moduli within 1e-3, and the same verdicts or
+    unknown.
+    """
     quick = branch_stability(branch, guard=False, locate=False)
     for a, b in zip(quick.points, judged.points, strict=True):
         assert a.largest == pytest.approx(b.largest, rel=1e-3)

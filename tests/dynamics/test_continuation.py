@@ -1,4 +1,6 @@
-"""Pseudo-arclength continuation on curves whose shape is known, and on rotors against other methods."""
+"""Pseudo-arclength continuation on curves whose shape is known, and on rotors against other
+methods.
+"""
 
 import itertools
 import math
@@ -18,7 +20,8 @@ RADIUS = 0.7
 
 def circle(y, parameter):
     """y² + λ² = R²: folds at λ = ±R."""
-    return (np.array([y[0] ** 2 + parameter**2 - RADIUS**2]), np.array([[2 * y[0]]]), np.array([2 * parameter]))
+    return (np.array([y[0] ** 2 + parameter**2 - RADIUS**2]), np.array([[2 * y[0]]]),
+            np.array([2 * parameter]))
 
 
 def test_walk_around_a_circle():
@@ -44,8 +47,10 @@ def test_walk_the_other_way():
 
 def test_steps_grow_where_it_is_straight_and_shrink_where_it_turns():
     def parabola(y, parameter):
-        return np.array([parameter - 0.3 + 20 * y[0] ** 2]), np.array([[40 * y[0]]]), np.array([1.0])
-    steps = list(itertools.islice(arclength(parabola, np.array([-0.5]), -4.7, step=1e-3, max_step=0.2), 120))
+        return np.array([parameter - 0.3 + 20
+                         * y[0] ** 2]), np.array([[40 * y[0]]]), np.array([1.0])
+    steps = list(itertools.islice(arclength(parabola, np.array([-0.5]), -4.7, step=1e-3,
+                                            max_step=0.2), 120))
     z = np.array([[*s.y, s.parameter] for s in steps])
     length = np.linalg.norm(np.diff(z, axis=0), axis=1)
     at_fold = np.argmax(z[:, 1])
@@ -62,7 +67,8 @@ def test_correct_returns_to_the_plane_or_gives_none():
     assert step.parameter == pytest.approx(0.05, abs=1e-15)
     assert step.y[0] == pytest.approx(math.sqrt(RADIUS**2 - 0.05**2), rel=1e-12)
     assert correct(circle, np.array([0.1, 0.9]), tangent) is None  # no circle in this plane
-    assert correct(lambda y, p: (np.array([math.nan]), np.eye(1), np.ones(1)), start, tangent) is None
+    assert correct(lambda y, p: (np.array([math.nan]), np.eye(1), np.ones(1)), start,
+                   tangent) is None
 
 
 def test_a_walk_ends_where_the_curve_ends():
@@ -106,7 +112,9 @@ def test_every_point_solves_the_equations(branch, unit):
 
 @pytest.mark.parametrize("which", ["peer", "unit"])
 def test_folds_solve_a_bordered_system(request, speed, which):
-    """F = 0, F_y v = 0, |v| = 1 (Seydel), written here, with differences for everything but F and F_y."""
+    """F = 0, F_y v = 0, |v| = 1 (Seydel), written here, with differences for everything but F and
+    F_y.
+    """
     model = request.getfixturevalue(which)
     branch = follow(model, to=0.2, speed=speed)
     eq, n = branch.equations, 18
@@ -167,7 +175,8 @@ def test_follow_goes_the_other_way(unit, speed):
     up = follow(unit, to=0.05, speed=speed)
     down = follow(unit, to=-0.05, speed=speed)
     assert down.static_eccentricity[-1] == -0.05
-    # the mirror image at the origin: a half turn of the machine, so odd harmonics keep, even ones change sign
+    # the mirror image at the origin: a half turn of the machine, so odd harmonics keep, even ones
+    # change sign
     one = HarmonicBalance().solve(unit, speed, up.static_eccentricity[-1])
     two = HarmonicBalance().solve(unit, speed, -up.static_eccentricity[-1])
     phase = np.linspace(0, 6, 9)
@@ -183,10 +192,13 @@ def test_follow_from_a_given_orbit(unit, speed, branch):
 
 
 @pytest.mark.parametrize(("parameter", "to"), [
-    ("static_eccentricity", 0.05), ("static_eccentricity", 0.10354), ("speed", 20.0), ("field", 0.0), ("unbalance", 0.0),
+    ("static_eccentricity", 0.05), ("static_eccentricity", 0.10354), ("speed", 20.0),
+    ("field", 0.0), ("unbalance", 0.0),
     ("direction", 2.0), ("bearings.guide.stiffness", 1.2e9)])
 def test_it_ends_on_the_value_asked_for(unit, speed, parameter, to):
-    """The last point is the steady state at `to`, solved for alone, and no point lies beyond; 10.354 % is under the fold."""
+    """The last point is the steady state at `to`, solved for alone, and no point lies beyond;
+    10.354 % is under the fold.
+    """
     name = next(iter(unit.supports))
     found = follow(unit, parameter.replace("guide", name), to=to, speed=speed,
                    static_eccentricity=0.0 if parameter == "static_eccentricity" else 0.03)
@@ -195,8 +207,10 @@ def test_it_ends_on_the_value_asked_for(unit, speed, parameter, to):
     away = np.sign(to - found.values[0]) * (found.values - to)
     assert (away <= 1e-15 * abs(to)).all() and (np.diff(away) > 0).all()
     last = found[-1]
-    alone = HarmonicBalance().solve(last.model, last.speed, last.static_eccentricity, start=found[-2],
-                                    direction=math.atan2(*last.centre) if parameter == "direction" else math.pi / 2)
+    alone = HarmonicBalance().solve(last.model, last.speed, last.static_eccentricity,
+                                    start=found[-2],
+                                    direction=math.atan2(*last.centre) if parameter == "direction"
+                                    else math.pi / 2)
     assert np.abs(alone.coefficients - last.coefficients).max() < 1e-10 * unit.gap
     assert len(orbits_at(found, found.values[-1])) == 1
 
@@ -269,9 +283,12 @@ def test_it_stops_where_no_point_is_found(peer, speed):
 
 @pytest.mark.parametrize(("options", "words"), [
     ({"step": 0.0}, "step is 0; it must be larger than 0"), ({"max_step": math.nan}, "max_step"),
-    ({"max_turn": -1.0}, "max_turn"), ({"max_points": 1}, "at least 2"), ({"max_folds": 0}, "at least 1"),
-    ({"tail": -1}, "tail"), ({"max_points": 10.0}, "whole number"), ({"smallest_gap": 1.0}, "fraction of the gap"),
-    ({"step": "small"}, "step is 'small'; it must be a number"), ({"max_turn": 5.0}, "at most 1 is allowed, a radian"),
+    ({"max_turn": -1.0}, "max_turn"), ({"max_points": 1}, "at least 2"),
+    ({"max_folds": 0}, "at least 1"),
+    ({"tail": -1}, "tail"), ({"max_points": 10.0}, "whole number"),
+    ({"smallest_gap": 1.0}, "fraction of the gap"),
+    ({"step": "small"}, "step is 'small'; it must be a number"),
+    ({"max_turn": 5.0}, "at most 1 is allowed, a radian"),
     ({"max_folds": True}, "max_folds is True"), ({"balance": 4}, "must be a HarmonicBalance")])
 def test_options_are_checked(options, words):
     with pytest.raises(BadInput, match=words):
@@ -312,7 +329,8 @@ def test_a_start_that_is_no_steady_state(unit, peer, speed):
 def test_a_lost_fold_is_a_sentence():
     walk = arclength(circle, np.array([RADIUS]), 0.0, step=0.3, max_step=0.3, max_turn=1.0)
     steps = list(itertools.islice(walk, 12))
-    before, after = next((a, b) for a, b in itertools.pairwise(steps) if a.tangent[-1] > 0 > b.tangent[-1])
+    before, after = next((a, b) for a, b in itertools.pairwise(steps)
+                         if a.tangent[-1] > 0 > b.tangent[-1])
 
     def broken(y, parameter):
         r, dy, dp = circle(y, parameter)
@@ -323,10 +341,13 @@ def test_a_lost_fold_is_a_sentence():
 
 
 def test_scipy_agrees_on_a_point_past_the_fold(peer, speed):
-    """On the second leg natural continuation never comes; hybr started near it finds the same point."""
+    """On the second leg natural continuation never comes; hybr started near it finds the same
+    point.
+    """
     branch = follow(peer, to=0.2, speed=speed)
     k = branch.folds[0].after + 8
     eq, centre = branch.equations, branch[k].centre
-    found = root(lambda y: eq.residual(y, centre), branch.unknowns[k] * (1 + 1e-4), method="krylov", tol=1e-12)
+    found = root(lambda y: eq.residual(y, centre), branch.unknowns[k] * (1 + 1e-4),
+                 method="krylov", tol=1e-12)
     assert found.success
     assert found.x == pytest.approx(branch.unknowns[k], abs=1e-9)

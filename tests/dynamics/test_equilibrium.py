@@ -1,4 +1,5 @@
-"""Equilibria against the exact fold of a point mass, a beam's formula, and a motion that settles."""
+"""Equilibria against the exact fold of a point mass, a beam's formula, and a motion that settles.
+"""
 
 import math
 from dataclasses import replace
@@ -45,18 +46,24 @@ def test_centred_eigenvalues_of_a_point_mass():
 
 
 def slender(offset, field, tilt, height=2.0):
-    """A rigid rotor a third down a slender shaft between stiff bearings, its rim `offset` below the hub."""
+    """A rigid rotor a third down a slender shaft between stiff bearings, its rim `offset` below the
+    hub.
+    """
     shaft = Shaft(np.linspace(0, 9, 10), 0.3, 2e11, 7850.0, 0.3, 0.9)
     body = RigidBody("rotor", 3, 1e5, 3e5, 5e5, offset)
     bearings = (RadialBearing("upper", 0, 1e13), RadialBearing("lower", 9, 1e13))
-    return Machine("slender", 10.0, shaft, (body,), bearings, air_gap=AirGap("rotor", field, 3.0, height, 0.02, tilt))
+    return Machine("slender", 10.0, shaft, (body,), bearings,
+                   air_gap=AirGap("rotor", field, 3.0, height, 0.02, tilt))
 
 
-@pytest.mark.parametrize(("offset", "tilt"), [(0.0, False), (0.8, False), (-0.8, True), (0.8, True)])
+@pytest.mark.parametrize(("offset", "tilt"),
+                         [(0.0, False), (0.8, False), (-0.8, True), (0.8, True)])
 def test_the_field_that_a_hub_off_the_middle_bears(offset, tilt):
-    """det(D − k_m P) = 0 with the stiffness D of a simply supported beam at the hub (Euler and Bernoulli).
+    """det(D − k_m P) = 0 with the stiffness D of a simply supported beam at the hub (Euler and
+    Bernoulli).
 
-    P = [[1, ℓ], [ℓ, ℓ² + h²/12]] for a rim ℓ below its hub (Gustavsson and Aidanpää 2006), the last term with tilt only.
+    P = [[1, ℓ], [ℓ, ℓ² + h²/12]] for a rim ℓ below its hub (Gustavsson and Aidanpää 2006), the last
+    term with tilt only.
     """
     a, b, rigidity = 3.0, 6.0, 2e11 * math.pi * 0.3**4 / 64
     flexibility = np.array([[a * a * b * b, a * b * (b - a)],
@@ -65,16 +72,19 @@ def test_the_field_that_a_hub_off_the_middle_bears(offset, tilt):
     critical = 1 / np.linalg.eigvals(flexibility @ pull).real.max()
     field = math.sqrt(critical * MU_0 * 0.02 / (math.pi * 3.0 * 2.0))
     # The element's shear makes it softer by 12 EI/(κ G A L²)-like terms, here below 2 per mille.
-    below, above = (equilibrium(slender(offset, share * field, tilt).model(), 0.0) for share in (0.997, 1.001))
+    below, above = (equilibrium(slender(offset, share * field, tilt).model(), 0.0)
+                    for share in (0.997, 1.001))
     assert below.statically_stable and not above.statically_stable
-    assert above.eigenvalues(0.0)[0].real > 1e-3  # at rest: gyroscopic moments can hold what has no damping
+    # at rest: gyroscopic moments can hold what has no damping
+    assert above.eigenvalues(0.0)[0].real > 1e-3
 
 
 def test_tilt_pull_lowers_the_offset_that_is_borne():
     upright = largest_offset(UNIT.model())
     leaning = largest_offset(replace(UNIT, air_gap=replace(UNIT.air_gap, tilt=True)).model())
     assert leaning < upright - 1e-3
-    higher = replace(vary(UNIT, {"bodies.generator.offset": -0.9}), air_gap=replace(UNIT.air_gap, tilt=True))
+    higher = replace(vary(UNIT, {"bodies.generator.offset": -0.9}),
+                     air_gap=replace(UNIT.air_gap, tilt=True))
     assert largest_offset(higher.model()) < leaning
 
 

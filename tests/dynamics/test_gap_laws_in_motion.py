@@ -1,4 +1,6 @@
-"""The laws of poles, waves and shapes on machines: harmonic balance against integration, and the lines of the spectrum."""
+"""The laws of poles, waves and shapes on machines: harmonic balance against integration, and the
+lines of the spectrum.
+"""
 
 import math
 from dataclasses import replace
@@ -18,18 +20,24 @@ SPEED = 150.0  # rad/s, below the band
 def jeffcott(poles, damping_ratio=0.05):
     mass, stiffness = 1800.0, 1.3e8
     return Machine("two poles", SPEED, None, (RigidBody("core", 0, mass, 0.0, 0.0, unbalance=0.6),),
-                   (RadialBearing("spring", 0, stiffness, 2 * damping_ratio * math.sqrt(stiffness * mass)),),
+                   (RadialBearing("spring", 0, stiffness,
+                                  2 * damping_ratio * math.sqrt(stiffness * mass)),),
                    air_gap=AIR, poles=poles).model()
 
 
 def lines(motion, per_revolution, revolutions=2):
-    """Amplitude of z + ix at each multiple of 1/revolutions of the rotation, m, by the discrete Fourier transform."""
-    last = np.roll(motion.positions[:, -per_revolution * revolutions:], 1, axis=1)  # its last sample has phase 0
+    """Amplitude of z + ix at each multiple of 1/revolutions of the rotation, m, by the discrete
+    Fourier transform.
+    """
+    # its last sample has phase 0
+    last = np.roll(motion.positions[:, -per_revolution * revolutions:], 1, axis=1)
     return np.fft.fft(last[1] + 1j * last[0]) / (per_revolution * revolutions)
 
 
 def test_lines_of_two_poles_with_newmark():
-    """f = 1.25 Ω: besides 1X, 2X, 3X there are lines at 2f and 2f ± Ω, forward; harmonic balance has the same numbers."""
+    """f = 1.25 Ω: besides 1X, 2X, 3X there are lines at 2f and 2f ± Ω, forward; harmonic balance
+    has the same numbers.
+    """
     model, steps = jeffcott(Poles(1, electrical_ratio=1.25)), 256
     motion = integrate(model, Newmark(steps), speed=SPEED, static_eccentricity=0.1, revolutions=30)
     found = lines(motion, steps)
@@ -42,13 +50,16 @@ def test_lines_of_two_poles_with_newmark():
         assert abs(exact[k]) > 1e-9, name
         assert abs(found[k] - exact[k]) < 3e-3 * abs(exact[2]), name
     assert abs(exact[5]) > 0.05 * abs(exact[2]) and abs(exact[3]) > 0.02 * abs(exact[2])
-    quiet = HarmonicBalance(20, revolutions=2).solve(jeffcott(Poles(4, electrical_ratio=1.25)), SPEED, 0.1)
+    quiet = HarmonicBalance(20, revolutions=2).solve(jeffcott(Poles(4, electrical_ratio=1.25)),
+                                                     SPEED, 0.1)
     x, z = quiet.positions(turn)
     assert np.abs((np.fft.fft(z + 1j * x) / 1024)[[3, 5, 7]]).max() < 1e-4 * abs(exact[5])
 
 
 def test_static_and_double_frequency_forces_of_two_poles():
-    """At rest off the middle: f₁ along the eccentricity, and f₂ = f₁/2 that turns forward with 2f, to first order."""
+    """At rest off the middle: f₁ along the eccentricity, and f₂ = f₁/2 that turns forward with 2f,
+    to first order.
+    """
     law, e = jeffcott(Poles(1)).law, 1e-3 * AIR.gap * np.array([0.6, 0.8])
     phases = 2 * np.pi * np.arange(64) / 64
     force = law.force_at(e[:, None] * np.ones(64), np.zeros((2, 64)), phases, SPEED)
@@ -62,9 +73,11 @@ def test_static_and_double_frequency_forces_of_two_poles():
 MACHINES = {
     "two poles, synchronous": ("two-pole", {"poles": Poles(1)}, 1, 0.1),
     "two poles, slip": ("two-pole", {"poles": Poles(1, electrical_ratio=1.25)}, 2, 0.1),
-    "loaded": ("two-pole", {"poles": Poles(1, electrical_ratio=1.5, stator_mmf=0.4, load_angle=2.0)}, 1, 0.1),
+    "loaded": ("two-pole", {"poles": Poles(1, electrical_ratio=1.5, stator_mmf=0.4,
+                                           load_angle=2.0)}, 1, 0.1),
     "out of balance": ("two-pole", {"poles": Poles(1, backward=0.2)}, 1, 0.1),
-    "published series, 3 pairs": ("kaplan-150rpm", {"poles": Poles(3, series="published")}, 1, 0.07),
+    "published series, 3 pairs": ("kaplan-150rpm", {"poles": Poles(3, series="published")}, 1,
+                                  0.07),
     "turning shapes": ("kaplan-150rpm", {"shapes": (GapShape("a", "rotor", 3, 3e-4, 0.4),
                                                     GapShape("b", "stator", 2, 4e-4))}, 1, 0.05),
 }
@@ -76,13 +89,15 @@ def test_harmonic_balance_against_integration_on_whole_machines(name):
     modes = None if card == "two-pole" else 12  # its bearings damp too much for few modes to tell
     unit = load_machine(card)
     model = replace(unit, **{"poles": None, "shapes": (), **parts}).model()
-    orbit = HarmonicBalance(12 * revolutions, revolutions=revolutions).solve(model, unit.speed, eccentricity)
+    orbit = HarmonicBalance(12 * revolutions, revolutions=revolutions).solve(model, unit.speed,
+                                                                             eccentricity)
     motion = integrate(model, RungeKutta(1e-10), speed=unit.speed, static_eccentricity=eccentricity,
                        revolutions=revolutions, start=orbit, modes=modes)
     away = np.abs(motion.positions - orbit.positions(unit.speed * motion.times)).max()
     swing = np.ptp(motion.positions, axis=1).max() / 2
     assert away < 1e-5 * swing
-    plain = HarmonicBalance(12).solve(replace(unit, poles=None, shapes=()).model(), unit.speed, eccentricity)
+    plain = HarmonicBalance(12).solve(replace(unit, poles=None, shapes=()).model(), unit.speed,
+                                      eccentricity)
     differs = np.abs(plain.positions(unit.speed * motion.times) - motion.positions).max()
     assert differs > 30 * away  # the law is felt, and far more than the two methods differ
 
@@ -98,12 +113,15 @@ def test_every_dof_of_the_slipping_machine():
 
 
 def test_a_small_slip_by_integration():
-    """A slip of 5 % has no period of a few revolutions; integration finds the line at 2f where theory says."""
+    """A slip of 5 % has no period of a few revolutions; integration finds the line at 2f where
+    theory says.
+    """
     unit = load_machine("two-pole")
     ratio = 1.05
     model = replace(unit, poles=Poles(1, electrical_ratio=ratio)).model()
     steps, count = 96, 20
-    motion = integrate(model, Newmark(steps), speed=unit.speed, static_eccentricity=0.1, revolutions=40 + count, modes=4)
+    motion = integrate(model, Newmark(steps), speed=unit.speed, static_eccentricity=0.1,
+                       revolutions=40 + count, modes=4)
     found = np.abs(lines(motion, steps, count))
     beat = round(count * 2 * ratio)  # 2f = 2.1X
     assert found[beat] > 100 * np.median(found[2 * count:3 * count])
@@ -112,7 +130,9 @@ def test_a_small_slip_by_integration():
 
 @pytest.mark.parametrize("law", ["tangential pull", "oval stator", "both"])
 def test_the_whole_machine_stays_on_its_orbit_in_time(law):
-    """Harmonic balance against DOP853 over a revolution, all degrees of freedom: a wrong law leaves the orbit at once."""
+    """Harmonic balance against DOP853 over a revolution, all degrees of freedom: a wrong law leaves
+    the orbit at once.
+    """
     unit = load_machine("kaplan-150rpm")
     if law != "oval stator":
         unit = replace(unit, air_gap=replace(unit.air_gap, tangential=0.005))
@@ -120,7 +140,8 @@ def test_the_whole_machine_stays_on_its_orbit_in_time(law):
         unit = replace(unit, shapes=(GapShape("oval", "stator", 2, 4e-4),))
     orbit = HarmonicBalance(12).solve(unit.model(), unit.speed, 0.04)
     plain = HarmonicBalance(12).solve(load_machine("kaplan-150rpm").model(), unit.speed, 0.04)
-    motion = integrate(unit.model(), RungeKutta(1e-9, 1e-12), speed=unit.speed, static_eccentricity=0.04, revolutions=1,
+    motion = integrate(unit.model(), RungeKutta(1e-9, 1e-12), speed=unit.speed,
+                       static_eccentricity=0.04, revolutions=1,
                        start=orbit)
     size = np.abs(orbit.coefficients).max()
     assert np.abs(motion.coefficients(4) - orbit.coefficients[:, :9]).max() < 1e-6 * size

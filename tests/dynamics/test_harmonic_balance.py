@@ -1,4 +1,6 @@
-"""Harmonic balance against other methods: the linear response, the full twin, exact circles, DOP853, AUTO."""
+"""Harmonic balance against other methods: the linear response, the full twin, exact circles,
+DOP853, AUTO.
+"""
 
 import math
 
@@ -26,7 +28,9 @@ def relative(value, reference):
 
 
 def full_residual(orbit, samples=64):
-    """Left over in the full-DOF equations, relative to the forces in them; by the slow twin's matrices."""
+    """Left over in the full-DOF equations, relative to the forces in them; by the slow twin's
+    matrices.
+    """
     model, columns = orbit.model, 2 * orbit.harmonics + 1
     turn = 2 * np.pi * np.arange(samples) / samples
     position = orbit.positions(turn) - orbit.centre[:, None]
@@ -52,7 +56,8 @@ def test_without_field_it_is_the_unbalance_response(unit, speed):
 
 def test_with_a_linear_pull_it_is_a_softer_machine(unit, speed):
     k, S = unit.law.stiffness, unit.selection
-    orbit = HarmonicBalance().solve(with_law(unit, LinearPull(k, unit.gap)), speed, 0.03, direction=0.4)
+    orbit = HarmonicBalance().solve(with_law(unit, LinearPull(k, unit.gap)), speed, 0.03,
+                                    direction=0.4)
     soft = unit.K - k * S.T @ S
     mean = np.linalg.solve(soft, -k * S.T @ unit.centre(0.03, 0.4))
     dynamic = soft - speed**2 * unit.M + 1j * speed * (unit.C + speed * unit.G)
@@ -108,7 +113,8 @@ def test_whirl_turns_with_the_spin(unit, speed):
     assert turn == pytest.approx(0.1, rel=1e-9)  # gap angle, from z towards x, grows
 
 
-# ------------------------------------------------------------------ the benchmark that peers were measured on
+# ------------------------------------------------------------------ the benchmark that peers were
+# measured on
 
 def test_peer_benchmark_at_5_percent(peer, speed):
     orbit = HarmonicBalance(harmonics=4, samples=64).solve(peer, speed, 0.05)
@@ -120,7 +126,8 @@ def test_peer_benchmark_at_5_percent(peer, speed):
 
 def test_dop853_from_rest_ends_on_the_orbit(peer, speed):
     """A time integration written here, from rest, 200 periods; it decays by 0.844 in each."""
-    m, k, c, (fs, fc) = peer.M[0, 0], peer.K[0, 0], peer.C[0, 0], (peer.unbalance_sin, peer.unbalance_cos)
+    m, k, c, (fs, fc) = peer.M[0, 0], peer.K[0, 0], peer.C[0, 0], (peer.unbalance_sin,
+                                                                   peer.unbalance_cos)
     pull, g0, offset = peer.law.stiffness, peer.gap, 0.05 * peer.gap
 
     def rate(t, s):
@@ -128,7 +135,8 @@ def test_dop853_from_rest_ends_on_the_orbit(peer, speed):
         e2 = ((x - offset) ** 2 + z * z) / g0**2
         soft = pull * (1 - e2) ** -1.5
         sin, cos = math.sin(speed * t), math.cos(speed * t)
-        return (vx, vz, (soft * (x - offset) - k * x - c * vx + speed**2 * (fs[0] * sin + fc[0] * cos)) / m,
+        return (vx, vz, (soft * (x - offset) - k * x - c * vx + speed**2
+                         * (fs[0] * sin + fc[0] * cos)) / m,
                 (soft * z - k * z - c * vz + speed**2 * (fs[1] * sin + fc[1] * cos)) / m)
 
     period = 2 * math.pi / speed
@@ -164,7 +172,8 @@ def test_aft_jacobian_is_the_derivative(unit, speed):
     residual, jacobian = eq.linearise(y, orbit.centre)
     assert residual == pytest.approx(eq.residual(y, orbit.centre), abs=1e-14)
     step = 1e-6
-    columns = [(eq.residual(y + step * e, orbit.centre) - eq.residual(y - step * e, orbit.centre)) / (2 * step)
+    columns = [(eq.residual(y + step * e, orbit.centre) - eq.residual(y - step * e, orbit.centre))
+               / (2 * step)
                for e in np.eye(18)]
     assert np.abs(jacobian - np.array(columns).T).max() < 1e-8 * np.abs(jacobian).max()
 
@@ -198,7 +207,8 @@ def test_dog_leg_takes_no_minimum_for_a_solution(peer, speed, monkeypatch):
     method = HarmonicBalance(solver=powell_dog_leg)
     eq, centre = last.equations, peer.centre(0.0785)
     start = last.coefficients.ravel() / eq.length
-    raw = root(lambda y: eq.linearise(y, centre), start, jac=True, method="hybr", options={"xtol": 1e-3})
+    raw = root(lambda y: eq.linearise(y, centre), start, jac=True, method="hybr",
+               options={"xtol": 1e-3})
     assert raw.success  # with a coarse tolerance it even says that it converged …
     assert np.abs(raw.fun).max() * eq.force > 1.0  # … to a point where newtons are left over
     with monkeypatch.context() as patch:
@@ -206,7 +216,8 @@ def test_dog_leg_takes_no_minimum_for_a_solution(peer, speed, monkeypatch):
         assert not powell_dog_leg(lambda y: eq.linearise(y, centre), start).converged
     with pytest.raises(NoConvergence) as failure:
         method.solve(peer, speed, 0.0785, start=last)
-    for words in ("powell_dog_leg stopped at 7.85 %", "N: a fold is near", "`follow`", "does not show"):
+    for words in ("powell_dog_leg stopped at 7.85 %", "N: a fold is near", "`follow`",
+                  "does not show"):
         assert words in str(failure.value)
 
 
@@ -223,7 +234,8 @@ def test_newton_near_a_fold_keeps_its_accuracy(peer, speed):
 
 def test_newton_finds_the_root_of_a_known_system():
     def system(y):
-        return np.array([y[0] ** 2 + y[1] ** 2 - 4, y[0] - y[1]]), np.array([[2 * y[0], 2 * y[1]], [1.0, -1.0]])
+        return np.array([y[0] ** 2 + y[1] ** 2 - 4, y[0] - y[1]]), np.array([[2 * y[0], 2 * y[1]],
+                                                                             [1.0, -1.0]])
     for solver in (newton, powell_dog_leg):
         solution = solver(system, np.array([3.0, 1.0]))
         assert solution.converged
@@ -236,7 +248,8 @@ def test_newton_finds_the_root_of_a_known_system():
 # ------------------------------------------------------------------ failures are sentences
 
 def test_beyond_every_steady_state(peer, speed):
-    with pytest.raises(NoConvergence, match=r"newton stopped at 30 % after \d+ steps, .*: .*`follow`.*does not show"):
+    with pytest.raises(NoConvergence,
+                       match=r"newton stopped at 30 % after \d+ steps, .*: .*`follow`.*does not show"):
         HarmonicBalance().solve(peer, speed, 0.3)
 
 
@@ -246,15 +259,19 @@ def test_unbalance_larger_than_the_gap(peer, speed):
 
 
 def test_an_orbit_that_touches_is_contact(peer, speed):
-    """A linear pull lets the rotor through the stator; the orbit found is not one of the machine."""
+    """A linear pull lets the rotor through the stator; the orbit found is not one of the machine.
+    """
     weak = with_law(peer, LinearPull(0.3 * peer.law.stiffness, peer.gap))
-    with pytest.raises(Contact, match=r"stator.*after 0\.\d\d revolutions.*gap angle \d+°") as contact:
+    with pytest.raises(Contact,
+                       match=r"stator.*after 0\.\d\d revolutions.*gap angle \d+°") as contact:
         HarmonicBalance().solve(weak.with_unbalance(150.0), speed)
     assert "Lower" in str(contact.value)
 
 
 def test_contact_says_when_and_where(peer, speed):
-    """Whirl of 8 mm about a mean that the stator's offset moves to −x: first contact on the −x side."""
+    """Whirl of 8 mm about a mean that the stator's offset moves to −x: first contact on the −x
+    side.
+    """
     law = LinearPull(0.5 * peer.law.stiffness, peer.gap)
     linear = with_law(peer, law)
     circle = HarmonicBalance().solve(linear, speed).amplitudes[0, 0]
@@ -266,7 +283,8 @@ def test_contact_says_when_and_where(peer, speed):
     phase = np.linspace(0, 2 * math.pi, 20001)
     from hydrolab.dynamics.harmonic_balance import orbit_from
     eq = HarmonicBalance().equations(big, speed)
-    orbit = orbit_from(eq, 0.3, big.centre(0.3), newton(lambda y: eq.linearise(y, big.centre(0.3)), eq.linear.ravel()))
+    orbit = orbit_from(eq, 0.3, big.centre(0.3),
+                       newton(lambda y: eq.linearise(y, big.centre(0.3)), eq.linear.ravel()))
     e = orbit.positions(phase) - orbit.centre[:, None]
     first = int(np.argmax(np.hypot(*e) >= big.gap))
     angle = math.degrees(math.atan2(*e[:, first])) % 360
@@ -285,8 +303,10 @@ def test_sweep_stops_before_contact(peer, speed):
 
 
 @pytest.mark.parametrize(("options", "words"), [
-    ({"harmonics": 0}, "from 1 to 64"), ({"harmonics": 65}, "from 1 to 64"), ({"harmonics": 2.0}, "whole number"),
-    ({"harmonics": True}, "whole number"), ({"samples": 9}, "at least 10"), ({"samples": 64.0}, "samples is 64.0")])
+    ({"harmonics": 0}, "from 1 to 64"), ({"harmonics": 65}, "from 1 to 64"),
+    ({"harmonics": 2.0}, "whole number"),
+    ({"harmonics": True}, "whole number"), ({"samples": 9}, "at least 10"),
+    ({"samples": 64.0}, "samples is 64.0")])
 def test_options_are_checked(options, words):
     with pytest.raises(BadInput, match=words):
         HarmonicBalance(**options)
@@ -325,7 +345,8 @@ def test_coefficients_and_complex_amplitudes():
     amplitudes = to_complex(coefficients)
     wave = np.real(amplitudes @ np.exp(1j * np.outer(np.arange(5), phase)))
     written = coefficients[:, :1] + sum(coefficients[:, [2 * k - 1]] * np.sin(k * phase)
-                                        + coefficients[:, [2 * k]] * np.cos(k * phase) for k in range(1, 5))
+                                        + coefficients[:, [2 * k]] * np.cos(k * phase)
+                                        for k in range(1, 5))
     assert wave == pytest.approx(written)
     assert from_complex(amplitudes) == pytest.approx(coefficients, abs=1e-16)
 
@@ -333,11 +354,14 @@ def test_coefficients_and_complex_amplitudes():
 def test_start_may_have_other_harmonics(unit, speed):
     few = HarmonicBalance(harmonics=2).solve(unit, speed, 0.09)
     many = HarmonicBalance(harmonics=8).solve(unit, speed, 0.09, start=few)
-    assert relative(HarmonicBalance(harmonics=8).solve(unit, speed, 0.09).coefficients, many.coefficients) < 1e-10
+    assert relative(HarmonicBalance(harmonics=8).solve(unit, speed, 0.09).coefficients,
+                    many.coefficients) < 1e-10
 
 
 def test_the_walk_finds_what_the_linear_guess_does_not(peer, speed):
-    """From a linear response that fills half the gap Newton goes astray; raising the pull in steps does not."""
+    """From a linear response that fills half the gap Newton goes astray; raising the pull in steps
+    does not.
+    """
     heavy = peer.with_unbalance(30.0)
     eq, centre = HarmonicBalance().equations(heavy, speed), heavy.centre(0.05)
     assert not newton(lambda y: eq.linearise(y, centre), eq.linear.ravel()).converged
@@ -346,7 +370,9 @@ def test_the_walk_finds_what_the_linear_guess_does_not(peer, speed):
 
 
 def test_turning_the_offset_turns_the_orbit(unit, speed):
-    """The machine is isotropic, so an offset along z gives the same orbit, turned and a quarter period earlier."""
+    """The machine is isotropic, so an offset along z gives the same orbit, turned and a quarter
+    period earlier.
+    """
     along_x = HarmonicBalance().solve(unit, speed, 0.09)
     along_z = HarmonicBalance().solve(unit, speed, 0.09, direction=0.0)
     phase = np.linspace(0, 6, 20)
@@ -355,10 +381,12 @@ def test_turning_the_offset_turns_the_orbit(unit, speed):
 
 
 def test_model_is_not_needed_to_be_a_machine(speed):
-    """Solvers see a Model by its attributes: a third coordinate, a cross-coupled spring, no shaft."""
+    """Solvers see a Model by its attributes: a third coordinate, a cross-coupled spring, no shaft.
+    """
     one = np.eye(3)
     K = 1e6 * np.array([[4.0, 0.3, -1], [-0.3, 4, 0], [-1, 0, 3]])
-    model = Model("three", 1e3 * one, 3e3 * one, 0 * one, K, np.array([5.0, 0, 0]), np.array([0, 5.0, 0]),
+    model = Model("three", 1e3 * one, 3e3 * one, 0 * one, K, np.array([5.0, 0, 0]),
+                  np.array([0, 5.0, 0]),
                   np.eye(2, 3), LinearPull(1e6, 0.01), 0.01, np.zeros(1), np.eye(3))
     orbit = HarmonicBalance(1).solve(model, speed, 0.1)
     assert relative(orbit.shaft, solve_full(model, speed, 0.1, harmonics=1)) < 1e-10
@@ -374,4 +402,5 @@ def test_arguments_of_another_kind_are_a_sentence(unit, speed):
         HarmonicBalance(solver="newton")
     with pytest.raises(NoConvergence, match="Lower the eccentricity, the unbalance or the field"):
         balance.solve(unit.with_unbalance(1e6), speed)
-    assert HarmonicBalance(np.int64(6)).solve(unit, speed, 0.02).harmonics == 6  # as a loop over np.arange gives it
+    # as a loop over np.arange gives it
+    assert HarmonicBalance(np.int64(6)).solve(unit, speed, 0.02).harmonics == 6

@@ -19,13 +19,17 @@ from hydrolab.machine.pull import CircularPull, LinearPull, ShapedPull
 def oscillator():
     """A point mass on a damped spring: 7 rad/s, driven at 5 rad/s, no gap."""
     disc = RigidBody("disc", 0, 100.0, 0.0, 0.0, unbalance=2.0, phase=0.4)
-    return Machine("oscillator", 5.0, None, (disc,), (RadialBearing("b", 0, 100 * 49.0, 100 * 0.6),)).model()
+    return Machine("oscillator", 5.0, None, (disc,),
+                   (RadialBearing("b", 0, 100 * 49.0, 100 * 0.6),)).model()
 
 
 def exact(model, speed, times, disturbance):
-    """Driven motion and a decaying free one that starts at `disturbance` at rest; x and z are uncoupled."""
+    """Driven motion and a decaying free one that starts at `disturbance` at rest; x and z are
+    uncoupled.
+    """
     m, c, k = model.M[0, 0], model.C[0, 0], model.K[0, 0]
-    drive = speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin) / (k - m * speed**2 + 1j * c * speed)
+    drive = speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin) / (k - m * speed**2 + 1j
+                                                                           * c * speed)
     decay = c / (2 * m)
     w = math.sqrt(k / m - decay**2)
     free = np.exp(-decay * times) * (np.cos(w * times) + decay / w * np.sin(w * times))
@@ -36,7 +40,8 @@ def order(errors, steps):
     return -np.polyfit(np.log(steps), np.log(errors), 1)[0]
 
 
-# ------------------------------------------------------------------ exact motion of a driven oscillator
+# ------------------------------------------------------------------ exact motion of a driven
+# oscillator
 
 @pytest.mark.parametrize("method", [CentralDifference, Newmark], ids=lambda m: m.__name__)
 @pytest.mark.parametrize("steps", [[64, 128, 256, 512]])
@@ -54,7 +59,8 @@ def test_newmark_with_numerical_damping_is_of_first_order(oscillator):
     steps = [128, 256, 512, 1024]
     errors = []
     for n in steps:
-        run = integrate(oscillator, Newmark(n, beta=0.3025, gamma=0.6), speed=5.0, revolutions=3, disturbance=(0.05, 0))
+        run = integrate(oscillator, Newmark(n, beta=0.3025, gamma=0.6), speed=5.0, revolutions=3,
+                        disturbance=(0.05, 0))
         errors.append(np.abs(run.positions - exact(oscillator, 5.0, run.times, [0.05, 0])).max())
     assert order(errors, steps) == pytest.approx(Newmark(gamma=0.6).order, abs=0.1)
 
@@ -62,15 +68,19 @@ def test_newmark_with_numerical_damping_is_of_first_order(oscillator):
 def test_runge_kutta_keeps_its_tolerance(oscillator):
     errors = []
     for rtol in (1e-5, 1e-8, 1e-11):
-        run = integrate(oscillator, RungeKutta(rtol, 1e-15), speed=5.0, revolutions=5, disturbance=(0.05, -0.02))
-        errors.append(np.abs(run.positions - exact(oscillator, 5.0, run.times, [0.05, -0.02])).max() / 0.05)
+        run = integrate(oscillator, RungeKutta(rtol, 1e-15), speed=5.0, revolutions=5,
+                        disturbance=(0.05, -0.02))
+        errors.append(np.abs(run.positions - exact(oscillator, 5.0, run.times,
+                                                   [0.05, -0.02])).max() / 0.05)
         assert errors[-1] < 50 * rtol
     assert errors[0] > 100 * errors[1] > 1e4 * errors[2]
 
 
 @pytest.mark.parametrize("method", [CentralDifference, Newmark], ids=lambda m: m.__name__)
 def test_order_with_the_pull(peer, speed, method):
-    """Against DOP853 on a motion that is not periodic; 8 % of the gap, so the pull is far from linear."""
+    """Against DOP853 on a motion that is not periodic; 8 % of the gap, so the pull is far from
+    linear.
+    """
     start = HarmonicBalance().solve(peer, speed, 0.05)
     options = {"speed": speed, "static_eccentricity": 0.07, "revolutions": 3, "start": start,
                "disturbance": (5e-4, 3e-4)}
@@ -109,13 +119,16 @@ def test_central_differences_blow_up_beyond_two_over_omega(free, w_dt, grows):
 
 
 def test_step_limit_is_said_and_true(make_jeffcott, speed):
-    """k/m = 424²: 2/ω is 84.85 steps in a revolution. 84 are refused with the number that is accepted."""
+    """k/m = 424²: 2/ω is 84.85 steps in a revolution. 84 are refused with the number that is
+    accepted.
+    """
     model = make_jeffcott(stiffness=2.7e10, damping_ratio=0.0).model()
     with pytest.raises(BadInput, match="central differences need at most 2") as refusal:
         integrate(model, CentralDifference(84), speed=speed, revolutions=1)
     needed = int(re.search(r"at least (\d+) steps", str(refusal.value))[1])
     assert needed == math.ceil(math.pi * math.sqrt(2.7e10 / 1.5e5) / speed) == 85
-    run = integrate(model, CentralDifference(needed), speed=speed, revolutions=200, disturbance=(1e-4, 0))
+    run = integrate(model, CentralDifference(needed), speed=speed, revolutions=200,
+                    disturbance=(1e-4, 0))
     assert run.finished
     assert np.abs(run.positions).max() < 2e-3
 
@@ -128,8 +141,10 @@ def test_step_limit_of_the_whole_shaft(unit, speed):
 
 
 def test_newmark_conserves_energy(unit, speed):
-    model = reduce(replace(unit, C=0 * unit.C, G=0 * unit.G).with_unbalance(0.0).with_field(0.0), 12)
-    run = integrate(model, Newmark(64), speed=speed, modes=None, revolutions=1, disturbance=(3e-3, 2e-3))
+    model = reduce(replace(unit, C=0 * unit.C, G=0 * unit.G).with_unbalance(0.0).with_field(0.0),
+                   12)
+    run = integrate(model, Newmark(64), speed=speed, modes=None, revolutions=1,
+                    disturbance=(3e-3, 2e-3))
     later = integrate(model, Newmark(64), speed=speed, modes=None, revolutions=50, start=run)
 
     def energy(state):
@@ -167,20 +182,23 @@ METHODS = [CentralDifference(2048), Newmark(2048), RungeKutta()]
 NAMES = ["central", "newmark", "dop853"]
 
 
-@pytest.mark.parametrize(("method", "tolerance"), list(zip(METHODS, [2e-6, 2e-6, 3e-8], strict=True)),
+@pytest.mark.parametrize(("method", "tolerance"),
+                         list(zip(METHODS, [2e-6, 2e-6, 3e-8], strict=True)),
                          ids=NAMES)
 def test_started_on_an_orbit_it_stays_there(peer, speed, method, tolerance):
     orbit = HarmonicBalance(harmonics=8).solve(peer, speed, 0.05)
     run = integrate(peer, method, speed=speed, static_eccentricity=0.05, revolutions=4, start=orbit)
     distance = run.positions - orbit.positions(speed * run.times)
     assert np.abs(distance).max() < tolerance * np.abs(run.positions).max()
-    assert np.abs(run.coefficients(8) - orbit.coefficients).max() < tolerance * np.abs(run.positions).max()
+    assert np.abs(run.coefficients(8)
+                  - orbit.coefficients).max() < tolerance * np.abs(run.positions).max()
 
 
 def test_orbit_of_the_unit_on_its_modal_basis(unit, speed):
     """Integration on 12 modes, harmonic balance on all 52 DOFs."""
     orbit = HarmonicBalance(harmonics=8).solve(unit, speed, 0.1)
-    run = integrate(unit, RungeKutta(), speed=speed, static_eccentricity=0.1, revolutions=3, start=orbit)
+    run = integrate(unit, RungeKutta(), speed=speed, static_eccentricity=0.1, revolutions=3,
+                    start=orbit)
     distance = run.positions - orbit.positions(speed * run.times)
     assert np.abs(distance).max() < 2e-6 * np.abs(run.positions).max()
 
@@ -192,13 +210,15 @@ def test_basis_of_modes_and_deflection(unit, speed):
     assert truncation_error(unit, many, speed) < 1e-5 < truncation_error(unit, few, speed) < 1e-2
     # a static force at the generator is answered exactly, however few the modes
     exact_answer = unit.selection @ np.linalg.solve(unit.K, unit.selection.T)
-    assert few.selection @ np.linalg.solve(few.K, few.selection.T) == pytest.approx(exact_answer, rel=1e-9)
+    assert few.selection @ np.linalg.solve(few.K, few.selection.T) == pytest.approx(exact_answer,
+                                                                                    rel=1e-9)
     assert np.abs(few.M - np.eye(6)).max() < 1e-9
     # plain modes do not, and that moves the orbit
     plain = np.linalg.eigh(np.linalg.solve(np.linalg.cholesky(unit.M), np.linalg.solve(
         np.linalg.cholesky(unit.M), unit.K).T))[1][:, :6]
     shapes = np.linalg.solve(np.linalg.cholesky(unit.M).T, plain)
-    compliance = unit.selection @ shapes @ np.linalg.solve(shapes.T @ unit.K @ shapes, (unit.selection @ shapes).T)
+    compliance = unit.selection @ shapes @ np.linalg.solve(shapes.T @ unit.K @ shapes,
+                                                           (unit.selection @ shapes).T)
     assert abs(compliance[0, 0] / exact_answer[0, 0] - 1) > 1e-4
 
 
@@ -206,14 +226,18 @@ def test_orbits_on_the_basis_and_on_all_dofs(unit, speed):
     balance = HarmonicBalance()
     full = balance.solve(unit, speed, 0.1)
     small = balance.solve(reduce(unit, 12), speed, 0.1)
-    assert np.abs(small.coefficients - full.coefficients).max() < 2e-5 * np.abs(full.coefficients).max()
+    assert np.abs(small.coefficients
+                  - full.coefficients).max() < 2e-5 * np.abs(full.coefficients).max()
     # and the shaft's nodes, through shaft_map
-    assert np.abs(small.node_coefficients(6) - full.node_coefficients(6)).max() < 2e-5 * np.abs(full.shaft).max()
+    assert np.abs(small.node_coefficients(6)
+                  - full.node_coefficients(6)).max() < 2e-5 * np.abs(full.shaft).max()
 
 
 def test_newmark_on_all_dofs_and_on_the_basis(unit, speed):
     options = {"speed": speed, "static_eccentricity": 0.05, "revolutions": 3}
-    full, small = integrate(unit, Newmark(256), modes=None, **options), integrate(unit, Newmark(256), **options)
+    full, small = integrate(unit, Newmark(256), modes=None, **options), integrate(unit,
+                                                                                  Newmark(256),
+                                                                                  **options)
     assert full.model.size == 52
     assert np.abs(full.positions - small.positions).max() < 1e-4 * np.abs(full.positions).max()
 
@@ -222,8 +246,10 @@ def test_it_starts_from_the_steady_state_of_the_linear_problem(unit, speed):
     linear = HarmonicBalance(1).solve(unit.with_field(0.0), speed)
     for modes, tolerance in ((None, 1e-10), (12, 1e-6)):
         run = integrate(unit, Newmark(64), speed=speed, revolutions=1, modes=modes)
-        assert run.positions[:, 0] == pytest.approx(linear.positions(np.zeros(1))[:, 0], rel=tolerance)
-        velocity = run.model.selection @ integrate(unit.with_field(0.0), Newmark(4096), speed=speed, revolutions=1,
+        assert run.positions[:, 0] == pytest.approx(linear.positions(np.zeros(1))[:, 0],
+                                                    rel=tolerance)
+        velocity = run.model.selection @ integrate(unit.with_field(0.0), Newmark(4096),
+                                                   speed=speed, revolutions=1,
                                                    modes=modes).state[1]
         assert velocity == pytest.approx(linear.velocities(np.zeros(1))[:, 0], rel=1e-3, abs=1e-7)
 
@@ -245,8 +271,10 @@ def test_a_ramp_ends_on_the_orbit(peer, speed, method):
     ramped = integrate(peer, method, revolutions=120, ramp=40, **options)
     assert ramped.finished
     orbit = HarmonicBalance(harmonics=8).solve(peer, speed, 0.075)
-    assert np.abs(ramped.coefficients(4) - orbit.coefficients[:, :9]).max() < 2e-3 * np.abs(orbit.coefficients).max()
-    assert np.abs(ramped.positions[:, 1] - ramped.positions[:, 0]).max() < 2e-5  # begins with no field at all
+    assert np.abs(ramped.coefficients(4)
+                  - orbit.coefficients[:, :9]).max() < 2e-3 * np.abs(orbit.coefficients).max()
+    # begins with no field at all
+    assert np.abs(ramped.positions[:, 1] - ramped.positions[:, 0]).max() < 2e-5
 
 
 # ------------------------------------------------------------------ contact and other ends
@@ -272,7 +300,8 @@ def test_contact_is_said_with_time_and_angle(peer, speed, method):
 
 def test_all_methods_touch_at_the_same_time(peer, speed):
     times = [integrate(peer, method, speed=speed, static_eccentricity=0.2, revolutions=50).times[-1]
-             for method in (CentralDifference(1024), Newmark(1024), RungeKutta(steps_per_revolution=1024))]
+             for method in (CentralDifference(1024), Newmark(1024),
+                            RungeKutta(steps_per_revolution=1024))]
     assert np.ptp(times) < 5 * 2 * math.pi / speed / 1024
 
 
@@ -280,7 +309,8 @@ def test_all_methods_touch_at_the_same_time(peer, speed):
 def test_contact_right_after_the_start_of_a_revolution(peer, speed, shift):
     """No sample at all lies before contact in that block."""
     start = HarmonicBalance().solve(peer, speed, 0.05)
-    run = integrate(peer, RungeKutta(steps_per_revolution=8), speed=speed, static_eccentricity=0.05, revolutions=2,
+    run = integrate(peer, RungeKutta(steps_per_revolution=8), speed=speed,
+                    static_eccentricity=0.05, revolutions=2,
                     start=start, disturbance=(-9.6e-3 + 1e-4 * shift, 0.0))
     assert not run.finished
     assert "touches the stator" in run.stopped
@@ -312,7 +342,8 @@ def test_newmark_says_when_a_step_is_too_long(peer, speed):
 
 # ------------------------------------------------------------------ interrupting and going on
 
-@pytest.mark.parametrize("method", [CentralDifference(64), Newmark(64), RungeKutta(1e-11)], ids=NAMES)
+@pytest.mark.parametrize("method", [CentralDifference(64), Newmark(64), RungeKutta(1e-11)],
+                         ids=NAMES)
 def test_interrupt_keeps_what_was_done_and_going_on_is_exact(unit, speed, method):
     options = {"speed": speed, "static_eccentricity": 0.05, "ramp": 6}
     calls = []
@@ -357,7 +388,8 @@ def test_reading_a_trajectory(unit, speed):
 # ------------------------------------------------------------------ refusals
 
 @pytest.mark.parametrize(("options", "words"), [
-    ({"speed": 0.0}, "speed is"), ({"revolutions": 0}, "at least 1"), ({"revolutions": 1.5}, "whole number"),
+    ({"speed": 0.0}, "speed is"), ({"revolutions": 0}, "at least 1"),
+    ({"revolutions": 1.5}, "whole number"),
     ({"ramp": 7}, "between 0 and the 5"), ({"ramp": -1}, "ramp"), ({"modes": 0}, "modes is 0"),
     ({"static_eccentricity": 1.5}, "fraction of the gap")])
 def test_arguments_are_checked(peer, speed, options, words):
@@ -367,7 +399,8 @@ def test_arguments_are_checked(peer, speed, options, words):
 
 @pytest.mark.parametrize(("make", "words"), [
     (lambda: CentralDifference(4), "at least 8"), (lambda: Newmark(12.0), "whole number"),
-    (lambda: Newmark(beta=0.0), "beta"), (lambda: Newmark(gamma=0.2), "gamma"), (lambda: RungeKutta(rtol=2.0), "rtol")])
+    (lambda: Newmark(beta=0.0), "beta"), (lambda: Newmark(gamma=0.2), "gamma"),
+    (lambda: RungeKutta(rtol=2.0), "rtol")])
 def test_options_are_checked(make, words):
     with pytest.raises(BadInput, match=words):
         make()
@@ -386,8 +419,10 @@ def test_a_massless_or_free_machine_is_refused(make_kaplan, speed):
 def test_any_model_can_be_integrated(speed):
     """Three coordinates, cross-coupled springs: solvers see a Model by its attributes."""
     K = 1e6 * np.array([[4.0, 0.3, -1], [-0.3, 4, 0], [-1, 0, 3]])
-    model = Model("three", 1e3 * np.eye(3), 3e3 * np.eye(3), 0 * K, K, np.array([5.0, 0, 0]), np.array([0, 5.0, 0]),
+    model = Model("three", 1e3 * np.eye(3), 3e3 * np.eye(3), 0 * K, K, np.array([5.0, 0, 0]),
+                  np.array([0, 5.0, 0]),
                   np.eye(2, 3), CircularPull(1e6, 0.01), 0.01, np.zeros(1), np.eye(3))
     orbit = HarmonicBalance(12).solve(model, speed, 0.1)
-    run = integrate(model, RungeKutta(), speed=speed, static_eccentricity=0.1, revolutions=2, start=orbit)
+    run = integrate(model, RungeKutta(), speed=speed, static_eccentricity=0.1, revolutions=2,
+                    start=orbit)
     assert run.positions == pytest.approx(orbit.positions(speed * run.times), abs=1e-9)

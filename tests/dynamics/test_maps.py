@@ -68,15 +68,19 @@ def test_every_cell_is_the_orbit_solved_alone(machine, whole):
 
 
 def test_close_to_the_fold_it_stays_on_the_first_leg(machine):
-    """The start is read off the leg in the root of the distance to its fold; two steady states are near each other."""
-    branch = follow(machine.model(), speed=machine.speed, to=0.9, method=Arclength(max_folds=1, tail=3))
+    """The start is read off the leg in the root of the distance to its fold; two steady states are
+    near each other.
+    """
+    branch = follow(machine.model(), speed=machine.speed, to=0.9,
+                    method=Arclength(max_folds=1, tail=3))
     fold = branch.folds[0].value
     values = fold * (1 - np.geomspace(1e-9, 0.3, 25))
     row = steady_row(machine, values)
     assert (row["outcome"] == Outcome.CONVERGED).all()
     first = [orbits_at(branch, e)[0].smallest_gap for e in values[5:]]
     assert row["smallest_gap"][5:] == pytest.approx(first, abs=1e-9 * machine.air_gap.gap)
-    assert (np.diff(row["smallest_gap"]) > 0).all()  # the leg is monotonic: none jumped to the other side
+    # the leg is monotonic: none jumped to the other side
+    assert (np.diff(row["smallest_gap"]) > 0).all()
 
 
 def test_other_axes(machine):
@@ -87,10 +91,12 @@ def test_other_axes(machine):
         for j, m in enumerate(mass):
             changed = vary(machine, {body: m, bearing: k})
             orbit = HarmonicBalance().solve(changed.model(), changed.speed, 0.03)
-            assert float(found.smallest_gap[i, j]) == pytest.approx(orbit.smallest_gap, abs=1e-12 * 0.011)
+            assert float(found.smallest_gap[i, j]) == pytest.approx(orbit.smallest_gap,
+                                                                    abs=1e-12 * 0.011)
     by_speed = steady_map(machine, "static_eccentricity", [0.03], "speed", [rpm(120), rpm(150)])
     slow = HarmonicBalance().solve(machine.model(), rpm(120), 0.03)
-    assert float(by_speed.amplitude[0, 0]) == pytest.approx(slow.amplitudes[0, 0], abs=1e-12 * 0.011)
+    assert float(by_speed.amplitude[0, 0]) == pytest.approx(slow.amplitudes[0, 0],
+                                                            abs=1e-12 * 0.011)
 
 
 def test_machines_that_have_no_steady_state_are_marked(machine, whole):
@@ -109,14 +115,16 @@ def test_it_says_what_it_holds(whole, machine):
     assert whole.attrs["made_of"] == fingerprint(machine)
     assert whole.outcome.attrs["flag_meanings"].split()[Outcome.BEYOND_FOLD] == "BEYOND_FOLD"
     assert fingerprint(machine) == fingerprint(load_machine("kaplan-150rpm"))
-    for key, value in (("bodies.generator.mass", 1e5), ("field", 0.4), ("speed", 15.0), ("shaft.young", 2.05e11),
+    for key, value in (("bodies.generator.mass", 1e5), ("field", 0.4), ("speed", 15.0),
+                       ("shaft.young", 2.05e11),
                        ("bearings.generator guide bearing.stiffness", 1e9)):
         assert fingerprint(vary(machine, {key: value})) != fingerprint(machine), key
 
 
 def test_a_faulty_machine_has_another_fingerprint_and_no_map(machine):
     faults = typical_faults(machine)[2:]
-    assert len({fingerprint(machine), *(fingerprint(fault.machine) for fault in faults)}) == 1 + len(faults)
+    assert len({fingerprint(machine), *(fingerprint(fault.machine)
+                                        for fault in faults)}) == 1 + len(faults)
     for fault in faults:
         with pytest.raises(BadInput, match=r"kaplan-150rpm has the law \w+; .* Use `follow`"):
             steady_map(fault.machine, "static_eccentricity", E, "field", FIELDS[:1])
@@ -132,7 +140,8 @@ def test_stopped_and_taken_up_again(machine, whole, tmp_path):
         if done == 2:
             raise KeyboardInterrupt
     with pytest.warns(UserWarning, match="interrupted after 2 of 4 rows"):
-        half = steady_map(machine, "static_eccentricity", E, "field", FIELDS, path=path, progress=stop)
+        half = steady_map(machine, "static_eccentricity", E, "field", FIELDS, path=path,
+                          progress=stop)
     assert seen == [(1, 4), (2, 4)]
     assert (half.outcome.values[2:] == Outcome.NOT_DONE).all()
     assert (half.outcome.values[:2] != Outcome.NOT_DONE).all()
@@ -143,13 +152,16 @@ def test_stopped_and_taken_up_again(machine, whole, tmp_path):
     assert same(again, whole)
     with xr.open_dataset(path, engine="scipy") as on_disk:
         assert same(on_disk.load(), whole)
-    third = steady_map(machine, "static_eccentricity", E, "field", FIELDS, path=path, progress=done.append)
+    third = steady_map(machine, "static_eccentricity", E, "field", FIELDS, path=path,
+                       progress=done.append)
     assert done == [3, 4]  # nothing left to do
     assert same(third, whole)
 
 
 def test_ctrl_c_in_a_real_process(tmp_path):
-    """SIGINT in the middle of a run: what was computed is on disk, whole, and the run ends by itself."""
+    """SIGINT in the middle of a run: what was computed is on disk, whole, and the run ends by
+    itself.
+    """
     path = tmp_path / "map.nc"
     code = textwrap.dedent(f"""
         import numpy as np, warnings
@@ -205,7 +217,8 @@ def test_a_disk_that_refuses(machine, whole, tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     monkeypatch.setattr(xr.Dataset, "to_netcdf", full)
     path = tmp_path / "map.nc"
-    with pytest.warns(UserWarning, match="could not be written .No space left on device.; the map goes on in memory"):
+    with pytest.warns(UserWarning, match="could not be written .No space left on device.; the map "
+                                         "goes on in memory"):
         found = steady_map(machine, "static_eccentricity", E, "field", FIELDS, path=path)
     assert same(found, whole)
     assert list(tmp_path.iterdir()) == []  # and nothing half-written is left
@@ -238,7 +251,8 @@ def test_the_map_before_survives_a_full_disk(machine, tmp_path, monkeypatch):
     path = tmp_path / "map.nc"
     steady_map(machine, "static_eccentricity", E, "field", FIELDS[:2], path=path,)
     before = path.read_bytes()
-    monkeypatch.setattr(xr.Dataset, "to_netcdf", lambda self, path, **options: (_ for _ in ()).throw(
+    monkeypatch.setattr(xr.Dataset, "to_netcdf", lambda self, path,
+                        **options: (_ for _ in ()).throw(
         OSError(errno.ENOSPC, "full")))
     with pytest.warns(UserWarning, match="could not be written"):
         maps_module.save(xr.Dataset({"a": 1.0}), path)
@@ -280,7 +294,8 @@ class Closed(Executor):
 
 @pytest.mark.parametrize("executor", [Dying, Closed])
 def test_rows_of_dead_workers_are_computed_here(machine, whole, executor):
-    assert same(steady_map(machine, "static_eccentricity", E, "field", FIELDS, executor=executor()), whole)
+    assert same(steady_map(machine, "static_eccentricity", E, "field", FIELDS,
+                           executor=executor()), whole)
 
 
 def test_processes_one_of_which_is_killed(machine, tmp_path):
@@ -296,7 +311,8 @@ def test_processes_one_of_which_is_killed(machine, tmp_path):
                 victim = next(iter(pool._processes))
                 os.kill(victim, signal.SIGKILL)
                 killed.append(victim)
-        found = steady_map(machine, "static_eccentricity", e, "field", fields, executor=pool, path=path, progress=kill)
+        found = steady_map(machine, "static_eccentricity", e, "field", fields, executor=pool,
+                           path=path, progress=kill)
     assert killed
     assert (found.outcome.values != Outcome.NOT_DONE).all()
     for i in (0, 17, 39):
@@ -315,11 +331,14 @@ def test_errors_in_the_input_are_not_taken_for_dead_workers(machine):
     assert not done
 
 
-@pytest.mark.filterwarnings("ignore")  # what Dask says of its own workers' deaths is not our subject
+# what Dask says of its own workers' deaths is not our subject
+@pytest.mark.filterwarnings("ignore")
 def test_a_dask_cluster_with_a_killed_worker(machine):
-    distributed = pytest.importorskip("distributed", reason="maps on a cluster need the extra `maps`")
+    distributed = pytest.importorskip("distributed", reason="maps on a cluster need the extra "
+                                      "`maps`")
     e, fields = np.linspace(0, 0.1, 20), np.linspace(0.3, 0.52, 60)
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None,
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True,
+                                  dashboard_address=None,
                                   silence_logs=50) as cluster, distributed.Client(cluster) as client:
         workers = client.run(os.getpid)
         assert len(set(workers.values())) == 2
@@ -329,19 +348,22 @@ def test_a_dask_cluster_with_a_killed_worker(machine):
             if done == rows // 4 and not killed:
                 killed.append(next(iter(workers.values())))
                 os.kill(killed[0], signal.SIGKILL)
-        found = steady_map(machine, "static_eccentricity", e, "field", fields, executor=client.get_executor(),
+        found = steady_map(machine, "static_eccentricity", e, "field", fields,
+                           executor=client.get_executor(),
                            progress=kill)
         assert killed
     assert (found.outcome.values != Outcome.NOT_DONE).all()
     alone = steady_row(vary(machine, {"field": fields[-1]}), e)
-    assert found.smallest_gap.values[-1] == pytest.approx(alone["smallest_gap"], abs=1e-15, nan_ok=True)
+    assert found.smallest_gap.values[-1] == pytest.approx(alone["smallest_gap"], abs=1e-15,
+                                                          nan_ok=True)
 
 
 # ------------------------------------------------------------------ refusals
 
 @pytest.mark.parametrize(("x", "y", "words"), [
     ("field", "field", "must differ"), ("field", "static_eccentricity", "goes on the x axis"),
-    ("static_eccentricity", "colour", "not a number of"), ("bodies.nobody.mass", "field", "not a number of")])
+    ("static_eccentricity", "colour", "not a number of"),
+    ("bodies.nobody.mass", "field", "not a number of")])
 def test_axes_are_checked(machine, x, y, words):
     with pytest.raises(BadInput, match=words):
         steady_map(machine, x, [0.1], y, [0.5])

@@ -1,4 +1,5 @@
-"""Modes, whirl direction and Campbell diagrams against closed forms and independent eigenproblems."""
+"""Modes, whirl direction and Campbell diagrams against closed forms and independent eigenproblems.
+"""
 
 from dataclasses import dataclass, field, replace
 from math import pi, sqrt
@@ -46,14 +47,18 @@ def gyroscope(Id, Ip, tilt_stiffness, mass=2.0, stiffness=3e9):
 
 def rotor(stiffness=(1.37e9, 1.64e9), damping=None, bearing_damping=0.0):
     shaft = Shaft(np.linspace(0, 9.04, 7), 0.71, 2e11, 7850, element="timoshenko")
-    bodies = RigidBody("generator", 0, 1.5e5, 3e5, 5e5, -0.472), RigidBody("turbine", 6, 5e4, 4e4, 6e4)
+    bodies = RigidBody("generator", 0, 1.5e5, 3e5, 5e5, -0.472), RigidBody("turbine", 6, 5e4, 4e4,
+                                                                           6e4)
     bearings = (RadialBearing("upper", 1, stiffness[0], bearing_damping),
                 RadialBearing("lower", 5, stiffness[1], bearing_damping))
-    return Machine("rotor", 150 * RPM, shaft, bodies, bearings, (ThrustBearing("thrust", 3, 5e7),), damping).model()
+    return Machine("rotor", 150 * RPM, shaft, bodies, bearings, (ThrustBearing("thrust", 3, 5e7),),
+                   damping).model()
 
 
 def free_motion(model, speed, q, v, times):
-    """The equation of motion itself, by the matrix exponential: displacements at equal time steps, (n, T)."""
+    """The equation of motion itself, by the matrix exponential: displacements at equal time steps,
+    (n, T).
+    """
     n = len(q)
     inverse = np.linalg.inv(model.M)
     A = np.block([[np.zeros((n, n)), np.eye(n)],
@@ -97,7 +102,8 @@ def test_gyroscope(speed):
     # Id ω² − Ip Ω ω − k = 0 with ω > 0 turning from z to x: the fast mode turns with the spin
     Id, Ip, k = 2.0, 3.0, 5e3
     found = modes(gyroscope(Id, Ip, k), speed)
-    fast, slow = (abs(sign * Ip * 40 + sqrt((Ip * 40) ** 2 + 4 * Id * k)) / (2 * Id) for sign in (1, -1))
+    fast, slow = (abs(sign * Ip * 40 + sqrt((Ip * 40) ** 2 + 4 * Id * k)) / (2 * Id)
+                  for sign in (1, -1))
     np.testing.assert_allclose(found.frequencies[:2], [slow, fast], rtol=1e-12)
     assert found.direction[:2] == ("backward", "forward")
     np.testing.assert_allclose(found.whirl[:2], np.sign(speed) * np.array([-1, 1]), rtol=1e-9)
@@ -109,34 +115,43 @@ def test_forward_whirl_turns_with_the_spin_in_numbers():
     assert found.direction[:4] == ("backward", "forward", "backward", "forward")
     assert found.frequencies[1] > 1.2 * found.frequencies[0]
     times = np.linspace(0, 0.2, 81)
-    spin = np.unwrap(np.arctan2(np.sin(speed * times), np.cos(speed * times)))  # a rotating unbalance, (x, z)
+    # a rotating unbalance, (x, z)
+    spin = np.unwrap(np.arctan2(np.sin(speed * times), np.cos(speed * times)))
     assert (np.diff(spin) > 0).all()
     for mode, sense in ((0, -1), (1, 1), (2, -1), (3, 1)):
         shape, value = found.shapes[:, mode], found.eigenvalues[mode]
         path = free_motion(model, speed, shape.real, (value * shape).real, times)
-        angle = np.unwrap(np.arctan2(path[0], path[1]))  # gap angle, from z towards x, at the shaft top
-        np.testing.assert_allclose(np.diff(angle), sense * value.imag * (times[1] - times[0]), rtol=1e-6)
+        # gap angle, from z towards x, at the shaft top
+        angle = np.unwrap(np.arctan2(path[0], path[1]))
+        np.testing.assert_allclose(np.diff(angle), sense * value.imag * (times[1] - times[0]),
+                                   rtol=1e-6)
 
 
 def test_an_unbalance_excites_forward_whirl_only():
-    # with isotropic bearings the answer to (sin Ωt, cos Ωt) is orthogonal (in M) to every backward mode
-    model, speed = replace(rotor(), unbalance_sin=np.eye(28)[0], unbalance_cos=np.eye(28)[1]), 150 * RPM
+    # with isotropic bearings the answer to (sin Ωt, cos Ωt) is orthogonal (in M) to every backward
+    # mode
+    model, speed = replace(rotor(), unbalance_sin=np.eye(28)[0],
+                           unbalance_cos=np.eye(28)[1]), 150 * RPM
     dynamic = model.K - speed**2 * model.M + 1j * speed * (model.C + speed * model.G)
     answer = np.linalg.solve(dynamic, speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin))
     found = modes(model, speed)
-    share = np.abs(found.shapes.conj().T @ model.M @ answer) / sqrt((answer.conj() @ model.M @ answer).real)
+    share = np.abs(found.shapes.conj().T @ model.M
+                   @ answer) / sqrt((answer.conj() @ model.M @ answer).real)
     backward = np.array(found.direction) == "backward"
     assert share[backward].max() < 1e-7
     assert share[~backward][0] > 0.1
 
 
 def test_shapes_solve_the_quadratic_eigenproblem():
-    model, speed = rotor(stiffness=([1.37e9, 1e9], [[1.64e9, 2e8], [-1e8, 1.2e9]]), bearing_damping=1e6), 15.7
+    model, speed = rotor(stiffness=([1.37e9, 1e9], [[1.64e9, 2e8], [-1e8, 1.2e9]]),
+                         bearing_damping=1e6), 15.7
     found = modes(model, speed)
     assert (np.diff(found.frequencies) >= 0).all()
-    np.testing.assert_allclose(np.einsum("im,ij,jm->m", found.shapes.conj(), model.M, found.shapes), 1, rtol=1e-10)
+    np.testing.assert_allclose(np.einsum("im,ij,jm->m", found.shapes.conj(), model.M,
+                                         found.shapes), 1, rtol=1e-10)
     for value, shape in zip(found.eigenvalues, found.shapes.T, strict=True):
-        terms = value**2 * (model.M @ shape), value * (model.C + speed * model.G) @ shape, model.K @ shape
+        terms = value**2 * (model.M @ shape), value * (model.C + speed
+                                                       * model.G) @ shape, model.K @ shape
         assert np.abs(sum(terms)).max() < 1e-9 * max(np.abs(t).max() for t in terms)
     # every eigenvalue is there: the sum of all of them is −trace(M⁻¹(C + ΩG))
     total = 2 * found.eigenvalues.real.sum() + found.real_eigenvalues.sum()
@@ -151,7 +166,8 @@ def test_at_rest_nothing_whirls():
 
 def test_undamped_frequencies_are_the_modes_at_rest():
     model = rotor()
-    np.testing.assert_allclose(undamped_frequencies(model)[:12], modes(model).frequencies[:12], rtol=1e-9)
+    np.testing.assert_allclose(undamped_frequencies(model)[:12], modes(model).frequencies[:12],
+                               rtol=1e-9)
 
 
 def test_a_free_shaft_has_four_rigid_motions():
@@ -173,7 +189,8 @@ def test_critical_speeds_of_a_gyroscope():
     # on the 1X line: (Id − Ip) Ω² = k forward, (Id + Ip) Ω² = k backward
     Id, Ip, k = 3.0, 2.0, 5e3
     found = campbell(gyroscope(Id, Ip, k), np.linspace(0, 120, 25), branches=2)
-    np.testing.assert_allclose(found.critical_speeds, [sqrt(k / (Id + Ip)), sqrt(k / (Id - Ip))], rtol=1e-9)
+    np.testing.assert_allclose(found.critical_speeds, [sqrt(k / (Id + Ip)), sqrt(k / (Id - Ip))],
+                               rtol=1e-9)
     at = found.whirl[-1, found.critical_branches]
     np.testing.assert_allclose(at, [-1, 1], rtol=1e-9)
     # Ip > Id: the forward branch outruns the line
@@ -183,7 +200,8 @@ def test_critical_speeds_of_a_gyroscope():
 
 @pytest.mark.parametrize("speeds", [np.linspace(0, 900 * RPM, 31), np.linspace(0, 900 * RPM, 4)])
 def test_campbell_branches_cross_and_stay_themselves(speeds):
-    # isotropic, undamped: forward branches never meet forward ones, so sorting within a direction is exact
+    # isotropic, undamped: forward branches never meet forward ones, so sorting within a direction
+    # is exact
     model = rotor()
     found = campbell(model, speeds)
     forward = found.whirl[-1] > 0
@@ -191,8 +209,10 @@ def test_campbell_branches_cross_and_stay_themselves(speeds):
     for row, speed in zip(found.frequencies[1:], speeds[1:], strict=True):
         here = modes(model, speed)
         sense = np.array(here.direction)
-        np.testing.assert_allclose(np.sort(row[forward]), here.frequencies[sense == "forward"][:4], rtol=1e-9)
-        np.testing.assert_allclose(np.sort(row[~forward]), here.frequencies[sense == "backward"][:4], rtol=1e-9)
+        np.testing.assert_allclose(np.sort(row[forward]), here.frequencies[sense == "forward"][:4],
+                                   rtol=1e-9)
+        np.testing.assert_allclose(np.sort(row[~forward]),
+                                   here.frequencies[sense == "backward"][:4], rtol=1e-9)
     assert (np.diff(found.frequencies[:, forward], axis=0) > 0).all()
     assert (np.diff(found.frequencies[:, ~forward], axis=0) < 0).all()
     assert (np.diff(np.argsort(found.frequencies[1:], axis=1), axis=0) != 0).any()  # they do cross
@@ -212,8 +232,10 @@ def test_critical_speeds_solve_their_own_eigenproblem():
 def test_campbell_is_even_in_the_speed():
     speeds = np.linspace(-300, 300, 13) * RPM
     found = campbell(rotor(), speeds)
-    np.testing.assert_allclose(np.sort(found.frequencies), np.sort(found.frequencies[::-1]), rtol=1e-8)
-    assert (np.diff(found.frequencies, axis=0)[:, 0] * np.diff(found.frequencies, axis=0)[0, 0] > 0).all()
+    np.testing.assert_allclose(np.sort(found.frequencies), np.sort(found.frequencies[::-1]),
+                               rtol=1e-8)
+    assert (np.diff(found.frequencies, axis=0)[:, 0] * np.diff(found.frequencies,
+                                                               axis=0)[0, 0] > 0).all()
 
 
 def test_a_branch_that_stops_oscillating_is_nan():
@@ -229,7 +251,8 @@ def test_a_branch_that_stops_oscillating_is_nan():
 
 def test_a_campbell_diagram_prints_its_critical_speeds():
     found = campbell(point_mass(4.0, 0.0, 100.0), [0.0, 10.0])
-    assert str(found) == "2 modes from 0 to 95.49 rpm; critical speeds of 1X: 47.75, 47.75 rpm."  # √(100/4) = 5 rad/s
+    # √(100/4) = 5 rad/s
+    assert str(found) == "2 modes from 0 to 95.49 rpm; critical speeds of 1X: 47.75, 47.75 rpm."
     assert str(campbell(point_mass(4.0, 0.0, 100.0), [0.0, 1.0])).endswith("of 1X: none.")
 
 
@@ -247,7 +270,8 @@ def test_rayleigh_damping_gives_its_ratios_to_the_two_lowest_distinct_modes():
     model = rotor(damping=RayleighDamping((0.01, 0.03)))
     at_rest = modes(model)
     np.testing.assert_allclose(at_rest.damping_ratios[:4], [0.01, 0.01, 0.03, 0.03], rtol=1e-7)
-    orthotropic = rotor(stiffness=([1.37e9, 1e9], [1.64e9, 1.2e9]), damping=RayleighDamping((0.01, 0.03)))
+    orthotropic = rotor(stiffness=([1.37e9, 1e9], [1.64e9, 1.2e9]),
+                        damping=RayleighDamping((0.01, 0.03)))
     np.testing.assert_allclose(modes(orthotropic).damping_ratios[:2], [0.01, 0.03], rtol=1e-7)
     omega = np.array([2.0, 5.0])
     alpha, beta = rayleigh_coefficients(np.eye(4), np.diag(np.repeat(omega**2, 2)), (0.1, 0.1))

@@ -1,4 +1,6 @@
-"""Branches along every parameter: derivatives against differences, and rotors whose curve is known exactly."""
+"""Branches along every parameter: derivatives against differences, and rotors whose curve is known
+exactly.
+"""
 
 import itertools
 import math
@@ -13,7 +15,8 @@ from hydrolab.dynamics.branches import Arclength, path
 from hydrolab.dynamics.continuation import arclength
 from hydrolab.errors import BadInput
 
-PARAMETERS = ("static_eccentricity", "direction", "speed", "field", "unbalance", "bearings.guide.stiffness")
+PARAMETERS = ("static_eccentricity", "direction", "speed", "field", "unbalance",
+              "bearings.guide.stiffness")
 
 
 @pytest.mark.parametrize("parameter", PARAMETERS)
@@ -36,10 +39,13 @@ def test_derivative_against_differences(unit, speed, parameter):
     assert slope == pytest.approx(difference, abs=1e-7 * np.abs(difference).max())
 
 
-# ------------------------------------------------------------------ a centred point mass: the circle is exact
+# ------------------------------------------------------------------ a centred point mass: the
+# circle is exact
 
 class Circle:
-    """|(k − f² k_m (1 − ρ²)^{−3/2} − mω² + icω) r| = q ω² u for the centred orbit of radius r = ρ g0."""
+    """|(k − f² k_m (1 − ρ²)^{−3/2} − mω² + icω) r| = q ω² u for the centred orbit of radius r = ρ
+    g0.
+    """
 
     def __init__(self, model):
         self.m, self.c, self.k = model.M[0, 0], model.C[0, 0], model.K[0, 0]
@@ -54,7 +60,8 @@ class Circle:
     def field(self, r, speed):
         """The factor on the field that makes the radius r, below resonance."""
         rest = math.sqrt((speed**2 * self.u / r) ** 2 - (self.c * speed) ** 2)
-        return math.sqrt((self.k - self.m * speed**2 - rest) / self.pull * (1 - (r / self.gap) ** 2) ** 1.5)
+        return math.sqrt((self.k - self.m * speed**2 - rest) / self.pull
+                         * (1 - (r / self.gap) ** 2) ** 1.5)
 
 
 @pytest.mark.parametrize(("parameter", "first", "to"), [
@@ -79,8 +86,10 @@ def test_folds_where_the_formula_turns(peer, speed):
     exact = Circle(peer)
     for parameter, formula in (("unbalance", lambda r: exact.unbalance(r, speed)),
                                ("field", lambda r: exact.field(r, speed))):
-        turn = minimize_scalar(lambda r, f=formula: -f(r), bounds=(3e-4, 5e-3), method="bounded", options={"xatol": 1e-9})
-        branch = follow(peer, parameter, to=40.0, speed=speed, method=Arclength(max_folds=1, tail=0))
+        turn = minimize_scalar(lambda r, f=formula: -f(r), bounds=(3e-4, 5e-3), method="bounded",
+                               options={"xatol": 1e-9})
+        branch = follow(peer, parameter, to=40.0, speed=speed,
+                        method=Arclength(max_folds=1, tail=0))
         assert branch.folds[0].value == pytest.approx(-turn.fun, rel=1e-10)
         assert branch.at_fold(0).amplitudes[0, 0] == pytest.approx(turn.x, rel=1e-4)
         assert branch.folds[0].said.endswith("times its own")
@@ -106,7 +115,9 @@ def test_a_resonance_bent_to_the_left(peer):
 # ------------------------------------------------------------------ directions and ways
 
 def test_once_around_the_stator(peer, unit, speed):
-    """Direction is an angle: after a full turn the orbit is back, and the parameter is where it was asked to go."""
+    """Direction is an angle: after a full turn the orbit is back, and the parameter is where it was
+    asked to go.
+    """
     for model in (peer, unit):
         full = math.pi / 2 + 2 * math.pi
         branch = follow(model, "direction", to=full, speed=speed, static_eccentricity=0.05)
@@ -115,13 +126,18 @@ def test_once_around_the_stator(peer, unit, speed):
         assert "It reached 7.854 rad as asked" in branch.stopped
         assert branch.values[-2] < full <= branch.values[-1]
         last = branch[-1]
-        again = HarmonicBalance().solve(model, speed, 0.05, direction=last_direction(branch) - 2 * math.pi)
+        again = HarmonicBalance().solve(model, speed, 0.05,
+                                        direction=last_direction(branch) - 2 * math.pi)
         assert np.abs(again.coefficients - last.coefficients).max() < 1e-10 * model.gap
-        # bearings are isotropic, so the machine sees the same at every angle: the mean keeps its size and turns along
+        # bearings are isotropic, so the machine sees the same at every angle: the mean keeps its
+        # size and turns along
         turn = branch.coefficients[:, 0, 0] + 1j * branch.coefficients[:, 1, 0]
         assert np.abs(turn) == pytest.approx(np.abs(turn[0]), rel=1e-9)
-        assert np.unwrap(np.angle(turn)) == pytest.approx(np.angle(turn[0]) - (branch.values - branch.values[0]), abs=1e-9)
-        centres = model.gap * 0.05 * np.stack([np.sin(branch.values), np.cos(branch.values)], axis=1)
+        assert np.unwrap(np.angle(turn)) == pytest.approx(np.angle(turn[0])
+                                                          - (branch.values - branch.values[0]),
+                                                          abs=1e-9)
+        centres = model.gap * 0.05 * np.stack([np.sin(branch.values), np.cos(branch.values)],
+                                              axis=1)
         assert branch.centres == pytest.approx(centres, abs=1e-15)
 
 
@@ -131,9 +147,11 @@ def last_direction(branch):
 
 @pytest.mark.parametrize(("parameter", "up", "down"), [
     ("speed", rpm(160), rpm(140)), ("field", 1.05, 0.9), ("unbalance", 1.4, 0.2),
-    ("bearings.guide.stiffness", 1.6e9, 1.2e9), ("direction", 2.0, 1.0), ("static_eccentricity", 0.06, 0.02)])
+    ("bearings.guide.stiffness", 1.6e9, 1.2e9), ("direction", 2.0, 1.0),
+    ("static_eccentricity", 0.06, 0.02)])
 def test_both_ways(unit, speed, parameter, up, down):
-    """One starts up, the other down; each point is what a solver finds alone on a model made anew."""
+    """One starts up, the other down; each point is what a solver finds alone on a model made anew.
+    """
     for to in (up, down):
         branch = follow(unit, parameter, to=to, speed=speed, static_eccentricity=0.04)
         sign = math.copysign(1, to - branch.values[0])
@@ -150,7 +168,8 @@ def test_both_ways(unit, speed, parameter, up, down):
             model = unit.with_unbalance(value)
         else:
             rows = unit.supports["guide"]
-            model = replace(unit, K=unit.K + (value - unit.support_stiffness["guide"]) * rows.T @ rows)
+            model = replace(unit, K=unit.K + (value - unit.support_stiffness["guide"]) * rows.T
+                            @ rows)
         alone = HarmonicBalance().solve(model, arguments["speed"], arguments["static_eccentricity"],
                                         direction=arguments["direction"])
         assert np.abs(alone.coefficients - middle.coefficients).max() < 1e-10 * unit.gap
@@ -158,13 +177,16 @@ def test_both_ways(unit, speed, parameter, up, down):
 
 
 def test_stiffness_of_the_card_is_that_of_the_branch(make_kaplan, speed):
-    """Following a bearing is what building the machine with another bearing gives, Rayleigh damping kept as built."""
+    """Following a bearing is what building the machine with another bearing gives, Rayleigh damping
+    kept as built.
+    """
     stiff = 1.5e9
     soft, hard = make_kaplan(), make_kaplan()
     bearing = hard.bearings[0]
     hard = replace(hard, bearings=(replace(bearing, stiffness=stiff), hard.bearings[1]))
     built = replace(hard.model(), C=soft.model().C)
-    branch = follow(soft.model(), f"bearings.{bearing.name}.stiffness", to=1.6e9, speed=speed, static_eccentricity=0.05)
+    branch = follow(soft.model(), f"bearings.{bearing.name}.stiffness", to=1.6e9, speed=speed,
+                    static_eccentricity=0.05)
     (on_branch,) = orbits_at(branch, stiff)
     alone = HarmonicBalance().solve(built, speed, 0.05)
     assert np.abs(alone.coefficients - on_branch.coefficients).max() < 1e-10 * built.gap
@@ -173,7 +195,9 @@ def test_stiffness_of_the_card_is_that_of_the_branch(make_kaplan, speed):
 # ------------------------------------------------------------------ closed branches
 
 def test_a_closed_branch_is_recognised(peer, speed):
-    """Past e = 0 the curve is its own mirror image, so it comes back to where it began, with folds in pairs ± e."""
+    """Past e = 0 the curve is its own mirror image, so it comes back to where it began, with folds
+    in pairs ± e.
+    """
     options = {"max_folds": 60, "max_points": 3000}
     half = follow(peer, to=0.2, speed=speed, method=Arclength(**options))
     assert not half.closed
@@ -196,7 +220,8 @@ def test_an_isola(peer):
     """A closed curve in unknowns that no natural path from far away reaches."""
     def ring(y, parameter):
         a, b = y[0] - 0.4, parameter - 2.0
-        return (np.array([a * a + b * b - 0.09, y[1] - y[0]]), np.array([[2 * a, 0.0], [-1.0, 1.0]]),
+        return (np.array([a * a + b * b - 0.09, y[1] - y[0]]),
+                np.array([[2 * a, 0.0], [-1.0, 1.0]]),
                 np.array([2 * b, 0.0]))
     steps = list(itertools.islice(arclength(ring, np.array([0.7, 0.7]), 2.0, max_step=0.05), 70))
     angle = np.unwrap([math.atan2(s.parameter - 2.0, s.y[0] - 0.4) for s in steps])
@@ -209,7 +234,8 @@ def test_a_branch_can_be_stepped(peer, speed):
     balance = HarmonicBalance()
     orbit = balance.solve(peer, speed)
     along = path(peer, "static_eccentricity", balance, speed, 0.0, math.pi / 2)
-    walk = arclength(along.system(), orbit.coefficients.ravel() / peer.gap, 0.0, step=0.002, max_step=0.02)
+    walk = arclength(along.system(), orbit.coefficients.ravel() / peer.gap, 0.0, step=0.002,
+                     max_step=0.02)
     steps = [next(walk) for _ in range(20)]
     branch = follow(peer, to=0.2, speed=speed)
     assert np.array([s.parameter for s in steps]) == pytest.approx(branch.values[:20], abs=1e-13)
@@ -220,7 +246,9 @@ def test_a_branch_can_be_stepped(peer, speed):
 # ------------------------------------------------------------------ ends and refusals
 
 def test_it_does_not_step_over_the_edge_of_what_is_allowed(peer, speed):
-    """A step that would make the speed negative or put the stator beyond the rotor is taken shorter."""
+    """A step that would make the speed negative or put the stator beyond the rotor is taken
+    shorter.
+    """
     slow = follow(peer, "speed", to=0.3, speed=rpm(20))
     assert 0 < slow.values[-1] <= 0.3
     free = replace(peer, law=peer.law.scaled(0.0))

@@ -1,4 +1,6 @@
-"""Two-pole instability and tangential pull: Floquet against exact limits in a turning frame, on a point mass and a shaft."""
+"""Two-pole instability and tangential pull: Floquet against exact limits in a turning frame, on a
+point mass and a shaft.
+"""
 
 import math
 from dataclasses import replace
@@ -21,7 +23,8 @@ BALANCE = HarmonicBalance(2)
 
 def jeffcott(ratio=0.01, *, poles=None, tangential=0.0):
     damping = 2 * ratio * math.sqrt(STIFFNESS * MASS)
-    model = Machine("two poles", 200.0, None, (RigidBody("core", 0, MASS, 0.0, 0.0, unbalance=0.02),),
+    model = Machine("two poles", 200.0, None,
+                    (RigidBody("core", 0, MASS, 0.0, 0.0, unbalance=0.02),),
                     (RadialBearing("spring", 0, STIFFNESS, damping),), poles=poles,
                     air_gap=replace(AIR, tangential=tangential)).model()
     return model, damping
@@ -46,7 +49,8 @@ def test_band_edges_by_floquet_are_exact(two_poles, edge):
     """The edge that Floquet's growth has, found without knowing the exact one."""
     model, damping = two_poles
     exact = two_pole_band(MASS, STIFFNESS, PULL, damping)[edge]
-    found = brentq(lambda w: centred_growth(model.with_unbalance(0), w, BALANCE, False), 0.98 * exact, 1.02 * exact,
+    found = brentq(lambda w: centred_growth(model.with_unbalance(0), w, BALANCE, False),
+                   0.98 * exact, 1.02 * exact,
                    xtol=1e-7)
     assert found == pytest.approx(exact, rel=1e-8)
     assert two_pole_growth(MASS, STIFFNESS, PULL, damping, exact) == pytest.approx(0, abs=1e-6)
@@ -56,7 +60,8 @@ def test_band_edges_by_floquet_are_exact(two_poles, edge):
 def test_growth_is_that_of_the_turning_frame(two_poles, frequency):
     model, damping = two_poles
     exact = two_pole_growth(MASS, STIFFNESS, PULL, damping, frequency)
-    assert centred_growth(model.with_unbalance(0), frequency, BALANCE, True) == pytest.approx(exact, abs=1e-5)
+    assert centred_growth(model.with_unbalance(0), frequency, BALANCE,
+                          True) == pytest.approx(exact, abs=1e-5)
 
 
 def test_chart(two_poles):
@@ -72,15 +77,21 @@ def test_chart(two_poles):
 
 
 def test_a_field_that_turns_faster_moves_the_band():
-    """The band is one of the electrical frequency: a rotor that slips goes through it at a lower speed."""
+    """The band is one of the electrical frequency: a rotor that slips goes through it at a lower
+    speed.
+    """
     model, damping = jeffcott(poles=Poles(1, electrical_ratio=1.25))
     for electrical in (205.0, 235.0):
-        growth = centred_growth(model.with_unbalance(0), electrical / 1.25, HarmonicBalance(4, revolutions=2), True)
-        assert growth == pytest.approx(two_pole_growth(MASS, STIFFNESS, PULL, damping, electrical), abs=1e-4)
+        growth = centred_growth(model.with_unbalance(0), electrical / 1.25,
+                                HarmonicBalance(4, revolutions=2), True)
+        assert growth == pytest.approx(two_pole_growth(MASS, STIFFNESS, PULL, damping, electrical),
+                                       abs=1e-4)
 
 
 def test_phases_out_of_balance_against_hill():
-    """With a backward wave there is no frame in which the stiffness rests: the multipliers of Hill's equation by DOP853."""
+    """With a backward wave there is no frame in which the stiffness rests: the multipliers of
+    Hill's equation by DOP853.
+    """
     from scipy.integrate import solve_ivp
 
     model, damping = jeffcott(poles=Poles(1, backward=0.4))
@@ -91,7 +102,8 @@ def test_phases_out_of_balance_against_hill():
         q, v = s.reshape(4, 4)[:2], s.reshape(4, 4)[2:]
         return np.vstack([v, ((slope - STIFFNESS * np.eye(2)) @ q - damping * v) / MASS]).ravel()
 
-    end = solve_ivp(rate, (0, 2 * math.pi / speed), np.eye(4).ravel(), method="DOP853", rtol=1e-11, atol=1e-11)
+    end = solve_ivp(rate, (0, 2 * math.pi / speed), np.eye(4).ravel(), method="DOP853", rtol=1e-11,
+                    atol=1e-11)
     true = np.abs(np.linalg.eigvals(end.y[:, -1].reshape(4, 4))).max()
     found = floquet(BALANCE.solve(model.with_unbalance(0), speed))
     assert abs(found.multipliers[0]) == pytest.approx(true, rel=1e-7)
@@ -118,12 +130,15 @@ def test_the_two_pole_machine_has_its_band_below_its_critical_speed():
 
 @pytest.mark.parametrize("sign", [1, -1])
 def test_tangential_limit_of_a_point_mass(sign):
-    """c ω = |k_t|, exact; above it the whirl that grows turns with the spin for k_t > 0 and against it for k_t < 0."""
+    """c ω = |k_t|, exact; above it the whirl that grows turns with the spin for k_t > 0 and against
+    it for k_t < 0.
+    """
     _, damping = jeffcott(0.03)
     limit = tangential_limit(MASS, damping, STIFFNESS, PULL) / PULL
 
     def growth(share):
-        return centred_growth(jeffcott(0.03, tangential=sign * share)[0].with_unbalance(0), 200.0, BALANCE, False)
+        return centred_growth(jeffcott(0.03, tangential=sign * share)[0].with_unbalance(0), 200.0,
+                              BALANCE, False)
 
     assert brentq(growth, 0.9 * limit, 1.1 * limit, xtol=1e-9) == pytest.approx(limit, rel=1e-6)
     model, _ = jeffcott(0.03, tangential=1.05 * sign * limit)
@@ -132,15 +147,19 @@ def test_tangential_limit_of_a_point_mass(sign):
     growing = free.eigenvalues.real > 0
     assert growing.tolist() == ([True, False] if growing[0] else [False, True])
     assert free.direction[int(np.argmax(growing))] == ("forward" if sign > 0 else "backward")
-    assert tangential_limit(MASS, damping, PULL, PULL) != tangential_limit(MASS, damping, PULL, PULL)  # nan
+    assert tangential_limit(MASS, damping, PULL, PULL) != tangential_limit(MASS, damping, PULL,
+                                                                           PULL)  # nan
 
 
 def test_tangential_limit_of_the_whole_unit():
-    """Floquet's crossing on the full machine against the eigenvalues of its linearised equations, all DOFs."""
+    """Floquet's crossing on the full machine against the eigenvalues of its linearised equations,
+    all DOFs.
+    """
     unit = load_machine("kaplan-150rpm")
 
     def model(share):
-        return replace(unit, air_gap=replace(unit.air_gap, tangential=share)).model().with_unbalance(0)
+        return replace(unit, air_gap=replace(unit.air_gap,
+                                             tangential=share)).model().with_unbalance(0)
 
     def by_eigenvalues(share):
         here = model(share)
@@ -150,6 +169,7 @@ def test_tangential_limit_of_the_whole_unit():
     limit = brentq(by_eigenvalues, 1e-4, 0.2, xtol=1e-7)
     for share, verdict in ((0.97 * limit, "stable"), (1.03 * limit, "unstable")):
         assert floquet(BALANCE.solve(model(share), unit.speed)).verdict == verdict
-    found = brentq(lambda share: centred_growth(model(share), unit.speed, BALANCE, False), 0.9 * limit, 1.1 * limit,
+    found = brentq(lambda share: centred_growth(model(share), unit.speed, BALANCE, False),
+                   0.9 * limit, 1.1 * limit,
                    xtol=1e-6)
     assert found == pytest.approx(limit, rel=1e-3)

@@ -1,4 +1,6 @@
-"""Design practice against the nonlinear answer: exact cases, limits, and what the map says at its border."""
+"""Design practice against the nonlinear answer: exact cases, limits, and what the map says at its
+border.
+"""
 
 import math
 
@@ -33,7 +35,8 @@ def test_critical_speed_is_where_a_whirl_meets_the_rotation():
 
 
 def test_errors_vanish_with_the_eccentricity(unit, speed):
-    """In a weak field the bend lacks 3/2 ε², the first term that a negative stiffness leaves out."""
+    """In a weak field the bend lacks 3/2 ε², the first term that a negative stiffness leaves out.
+    """
     weak = practice_errors(unit.with_unbalance(1e-3), speed, [0.0, 0.02, 0.05], [0.05])
     assert weak.bend[0, 1:] == pytest.approx(-1.5 * np.array([0.02, 0.05]) ** 2, rel=0.02)
     assert max(np.abs(weak.amplitude).max(), np.abs(weak.critical_speed).max()) < 1e-4

@@ -1,4 +1,5 @@
-"""Hypothesis over random machines: each solves, and an independent check holds, or ends in a clear error.
+"""Hypothesis over random machines: each solves, and an independent check holds, or ends in a clear
+error.
 
 Nothing silent: no other exception, no warning (pytest turns warnings into errors).
 """
@@ -15,11 +16,14 @@ from hydrolab.errors import BadInput, Contact, NoConvergence
 from tests.reference.full_balance import dynamic_matrix
 
 CLEAR = (BadInput, NoConvergence, Contact)
-QUIET = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=True)
+QUIET = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow],
+                 derandomize=True)
 
 
 def full_residual(orbit):
-    """Left over in the equations of all DOFs, relative to the loads; the slow twin's matrices, an FFT for the pull."""
+    """Left over in the equations of all DOFs, relative to the loads; the slow twin's matrices, an
+    FFT for the pull.
+    """
     model, samples = orbit.model, orbit.equations.samples
     turn = 2 * np.pi * np.arange(samples) / samples
     pull = model.law.force(orbit.positions(turn) - orbit.centre[:, None])
@@ -60,7 +64,8 @@ def test_branches(make_random, seed):
     model = machine.model()
     try:
         branch = follow(model, to=0.6, speed=machine.speed)
-        natural = sweep(model, HarmonicBalance(), branch.static_eccentricity[branch.first_leg], speed=machine.speed)
+        natural = sweep(model, HarmonicBalance(), branch.static_eccentricity[branch.first_leg],
+                        speed=machine.speed)
     except CLEAR:
         return
     assert len(branch.stopped) > 10
@@ -71,20 +76,23 @@ def test_branches(make_random, seed):
             assert full_residual(branch[index]) < 1e-9
     for fold in range(len(branch.folds)):
         orbit = branch.at_fold(fold)
-        jacobian = orbit.equations.linearise(orbit.coefficients.ravel() / orbit.equations.length, orbit.centre)[1]
+        jacobian = orbit.equations.linearise(orbit.coefficients.ravel() / orbit.equations.length,
+                                             orbit.centre)[1]
         assert np.linalg.svd(jacobian, compute_uv=False)[-1] < 1e-6
     assert len(natural) > 0
 
 
 @settings(QUIET, max_examples=20)
 @given(seed=st.integers(0, 10**6), eccentricity=st.floats(0, 0.2))
-def test_integration_stays_on_the_orbit_or_leaves_it_as_floquet_says(make_random, seed, eccentricity):
+def test_integration_stays_on_the_orbit_or_leaves_it_as_floquet_says(make_random, seed,
+                                                                     eccentricity):
     machine = make_random(np.random.default_rng(seed))
     model = machine.model()
     try:
         orbit = HarmonicBalance(6).solve(model, machine.speed, eccentricity)
         verdict = floquet(orbit)
-        run = integrate(model, Newmark(256), speed=machine.speed, static_eccentricity=eccentricity, revolutions=8,
+        run = integrate(model, Newmark(256), speed=machine.speed, static_eccentricity=eccentricity,
+                        revolutions=8,
                         start=orbit)
     except CLEAR:
         return
@@ -98,8 +106,10 @@ def test_integration_stays_on_the_orbit_or_leaves_it_as_floquet_says(make_random
 
 
 @QUIET
-@given(seed=st.integers(0, 10**6), which=st.sampled_from(["no bearings", "one bearing", "no damping", "no field",
-                                                          "no unbalance", "at a resonance", "huge field"]))
+@given(seed=st.integers(0, 10**6), which=st.sampled_from(["no bearings", "one bearing",
+                                                          "no damping", "no field",
+                                                          "no unbalance", "at a resonance",
+                                                          "huge field"]))
 def test_degenerate_machines(make_random, seed, which):
     machine = make_random(np.random.default_rng(seed))
     speed = machine.speed
@@ -124,7 +134,8 @@ def test_degenerate_machines(make_random, seed, which):
     try:
         orbit = HarmonicBalance().solve(model, speed, 0.05)
         assert full_residual(orbit) < 1e-8
-        run = integrate(model, Newmark(64), speed=speed, static_eccentricity=0.05, revolutions=2, start=orbit)
+        run = integrate(model, Newmark(64), speed=speed, static_eccentricity=0.05, revolutions=2,
+                        start=orbit)
         assert np.isfinite(run.positions).all()
         assert floquet(orbit).verdict in ("stable", "unstable", "unknown")
     except CLEAR as error:

@@ -1,4 +1,6 @@
-"""Several laws at several nodes, laws of velocity and phase, and periods of several revolutions, against other methods."""
+"""Several laws at several nodes, laws of velocity and phase, and periods of several revolutions,
+against other methods.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -13,7 +15,9 @@ from tests.reference.full_balance import solve_full
 
 @dataclass(frozen=True)
 class Film:
-    """A cubic spring and a damper that grows with the square of the displacement, stirred at a multiple of the rotation."""
+    """A cubic spring and a damper that grows with the square of the displacement, stirred at a
+    multiple of the rotation.
+    """
 
     spring: float
     damper: float
@@ -29,7 +33,8 @@ class Film:
         one = np.eye(2).reshape(2, 2, *(1,) * (e.ndim - 1))
         stir = self.stirring * np.cos(self.order * phase + 0 * square)
         force = -self.spring * square * e - self.damper * square * velocity + stir * np.stack([e[1], e[0]])
-        slope = -self.spring * (square * one + 2 * e[:, None] * e) - 2 * self.damper * velocity[:, None] * e
+        slope = -self.spring * (square * one + 2 * e[:, None]
+                                * e) - 2 * self.damper * velocity[:, None] * e
         slope[0, 1] += stir
         slope[1, 0] += stir
         return force, slope, -self.damper * square * one * np.ones_like(slope)
@@ -73,19 +78,24 @@ def test_all_dofs(machine, speed):
 
 
 @pytest.mark.parametrize(("method", "tolerance"), [(RungeKutta(1e-11), 3e-6), (Newmark(1024), 2e-3),
-                                                   (CentralDifference(1024), 2e-3)], ids=["dop853", "newmark", "central"])
+                                                   (CentralDifference(1024), 2e-3)],
+                         ids=["dop853", "newmark", "central"])
 def test_in_time(machine, speed, method, tolerance):
     orbit = HarmonicBalance(12).solve(machine, speed, 0.05)
-    motion = integrate(machine, method, speed=speed, static_eccentricity=0.05, revolutions=6, start=orbit)
+    motion = integrate(machine, method, speed=speed, static_eccentricity=0.05, revolutions=6,
+                       start=orbit)
     away = np.abs(motion.coefficients(4) - orbit.coefficients[:, :9]).max()
     assert away < tolerance * np.abs(orbit.coefficients[:, 1:]).max()
 
 
 @pytest.mark.parametrize("method", [Newmark, CentralDifference])
 def test_second_order_with_velocities(machine, speed, method):
-    exact = integrate(machine, RungeKutta(1e-12), speed=speed, static_eccentricity=0.05, revolutions=1, modes=4)
-    errors = [np.abs(integrate(machine, method(n), speed=speed, static_eccentricity=0.05, revolutions=1,
-                               modes=4).positions[:, -1] - exact.positions[:, -1]).max() for n in (256, 512, 1024)]
+    exact = integrate(machine, RungeKutta(1e-12), speed=speed, static_eccentricity=0.05,
+                      revolutions=1, modes=4)
+    errors = [np.abs(integrate(machine, method(n), speed=speed, static_eccentricity=0.05,
+                               revolutions=1,
+                               modes=4).positions[:, -1] - exact.positions[:, -1]).max()
+              for n in (256, 512, 1024)]
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2, abs=0.15)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2, abs=0.15)
 
@@ -109,11 +119,13 @@ def test_multipliers(machine, speed):
         u[:2] -= orbit.centre
         _, slope, damping = model.law.linearise_at(u, v, speed * t, speed)
         S = model.selection
-        force = S.T @ (slope @ S @ s[:r] + damping @ S @ s[r:]) - model.K @ s[:r] - model.velocity_matrix(speed) @ s[r:]
+        force = S.T @ (slope @ S @ s[:r] + damping @ S
+                       @ s[r:]) - model.K @ s[:r] - model.velocity_matrix(speed) @ s[r:]
         return np.vstack([s[r:], np.linalg.solve(model.M, force)]).ravel()
 
     period = 2 * np.pi / speed
-    end = solve_ivp(rate, (0, period), np.eye(2 * r).ravel(), method="DOP853", rtol=1e-10, atol=1e-10)
+    end = solve_ivp(rate, (0, period), np.eye(2 * r).ravel(), method="DOP853", rtol=1e-10,
+                    atol=1e-10)
     true = np.linalg.eigvals(end.y[:, -1].reshape(2 * r, 2 * r))
     assert np.abs(found[0]).max() == pytest.approx(np.abs(true).max(), rel=1e-6)
     assert max(np.abs(true - mu).min() for mu in found[0] if abs(mu) > 0.5) < 1e-6
@@ -146,7 +158,8 @@ def test_only_the_pull_goes_with_the_field(machine):
     e, v = np.full((4, 3), 1e-4), np.full((4, 3), 1e-3)
     dark = machine.with_field(0).law
     assert np.abs(dark.force_at(e, v, 0.0, 10.0)[:2]).max() == 0
-    assert np.array_equal(dark.force_at(e, v, 0.0, 10.0)[2:], machine.law.force_at(e, v, 0.0, 10.0)[2:])
+    assert np.array_equal(dark.force_at(e, v, 0.0, 10.0)[2:],
+                          machine.law.force_at(e, v, 0.0, 10.0)[2:])
 
 
 def test_many_motions_at_once_are_refused(machine, speed):
@@ -176,7 +189,8 @@ def test_a_force_between_the_harmonics(unit, speed):
     full = solve_full(machine, speed, 0.05, harmonics=6, revolutions=2)
     six = HarmonicBalance(6, samples=64, revolutions=2).solve(machine, speed, 0.05)
     assert np.abs(full - six.shaft).max() < 1e-10 * np.abs(full).max()
-    motion = integrate(machine, RungeKutta(1e-11), speed=speed, static_eccentricity=0.05, revolutions=4, start=orbit)
+    motion = integrate(machine, RungeKutta(1e-11), speed=speed, static_eccentricity=0.05,
+                       revolutions=4, start=orbit)
     assert np.abs(motion.positions[:, -1] - orbit.positions([8 * np.pi])[:, 0]).max() < 1e-9
     again = HarmonicBalance(20, revolutions=2).solve(machine, speed, 0.05, start=orbit)
     assert np.abs(again.local[:, :33] - orbit.local).max() < 1e-9

@@ -44,7 +44,8 @@ def test_second_order_against_dop853(peer, speed):
     """One revolution far from any orbit: the error falls with the square of the step."""
     orbit = HarmonicBalance().solve(peer, speed, 0.05)
     push = (4e-4, -2e-4)
-    exact = integrate(peer, RungeKutta(1e-12, 1e-16, 8), speed=speed, static_eccentricity=0.05, start=orbit,
+    exact = integrate(peer, RungeKutta(1e-12, 1e-16, 8), speed=speed, static_eccentricity=0.05,
+                      start=orbit,
                       disturbance=push, revolutions=2)
     system = split(peer, speed)
     begin = system.state(orbit, peer)[:, None]
@@ -80,7 +81,8 @@ def test_an_orbit_comes_back(shipped, branch):
     for orbit in stable_orbits_at(branch, 0.088):
         system = split(shipped, orbit.speed, 12)
         begin = system.state(orbit, shipped)[:, None]
-        miss = [np.abs(place(system, advance(system, begin, orbit.centre, 1, n)[0] - begin)).max() / shipped.gap
+        miss = [np.abs(place(system, advance(system, begin, orbit.centre, 1, n)[0] - begin)).max()
+                / shipped.gap
                 for n in (128, 256)]
         assert miss[1] < 3e-4
         assert miss[0] / miss[1] == pytest.approx(4, rel=0.2)
@@ -91,9 +93,11 @@ def test_contact_time_against_dop853(peer, speed):
     orbit = HarmonicBalance().solve(peer, speed, 0.07)
     system = split(peer, speed)
     centre = peer.centre(0.16)
-    start = system.state(orbit, peer) + system.response(0.0, orbit.centre) - system.response(0.0, centre)
+    start = system.state(orbit, peer) + system.response(0.0, orbit.centre) - system.response(0.0,
+                                                                                             centre)
     end, contact, _ = advance(system, np.stack([start, 0 * start], axis=1), centre, 30, 512)
-    motion = integrate(peer, RungeKutta(1e-10, 1e-15, 512), speed=speed, static_eccentricity=0.16, start=orbit,
+    motion = integrate(peer, RungeKutta(1e-10, 1e-15, 512), speed=speed, static_eccentricity=0.16,
+                       start=orbit,
                        revolutions=30)
     assert "touches the stator" in motion.stopped
     assert contact[0] == pytest.approx(motion.revolutions, abs=2 / 512)
@@ -107,7 +111,8 @@ def test_members_that_touch_do_not_disturb_the_others(shipped, branch):
     wild = calm.copy()
     wild[len(calm) // 2:] *= -40
     lost = np.full_like(calm, 1.0)
-    states, contact, made = advance(system, np.stack([wild, calm, lost, calm], axis=1), low.centre, 4, 64)
+    states, contact, made = advance(system, np.stack([wild, calm, lost, calm], axis=1), low.centre,
+                                    4, 64)
     alone, _, _ = advance(system, calm[:, None], low.centre, 4, 64)
     assert np.isnan(contact[[1, 3]]).all() and np.isfinite(contact[[0, 2]]).all()
     assert contact[2] < 1  # a metre in every mode
@@ -142,7 +147,8 @@ def test_members_without_a_state_to_go_on_from_end_early(shipped, branch):
 @pytest.fixture(scope="module")
 def picture(branch):
     orbits = stable_orbits_at(branch, 0.088)
-    return basins(orbits, np.linspace(-3e-3, 2e-3, 13), np.linspace(-0.05, 0.05, 13), revolutions=100)
+    return basins(orbits, np.linspace(-3e-3, 2e-3, 13), np.linspace(-0.05, 0.05, 13),
+                  revolutions=100)
 
 
 def test_both_orbits_and_contact(picture):
@@ -160,12 +166,15 @@ def test_single_starts_by_dop853(shipped, picture, speed):
     """A few of each end, integrated alone: velocity 0, so that `integrate` can start there too."""
     row = basins(picture.orbits, np.linspace(-3e-3, 2e-3, 121), [0.0], revolutions=100)
     ends = row.ends[0]
-    sure = [i for i in range(1, len(ends) - 1) if (ends[i - 1:i + 2] == ends[i]).all()]  # not next to a boundary
+    # not next to a boundary
+    sure = [i for i in range(1, len(ends) - 1) if (ends[i - 1:i + 2] == ends[i]).all()]
     checked = set()
     for column in sure[::2]:
         if (end := int(ends[column])) not in checked:
-            motion = integrate(shipped, RungeKutta(1e-8), speed=speed, static_eccentricity=0.088, modes=6,
-                               start=picture.orbits[0], disturbance=(float(row.displacement[column]), 0.0),
+            motion = integrate(shipped, RungeKutta(1e-8), speed=speed, static_eccentricity=0.088,
+                               modes=6,
+                               start=picture.orbits[0],
+                               disturbance=(float(row.displacement[column]), 0.0),
                                revolutions=60)
             if end == CONTACT:
                 assert "touches" in motion.stopped
@@ -213,15 +222,20 @@ class Impatient(CircularPull):
 
 
 def test_up_and_down_again(shipped, branch, speed):
-    """Up: it follows the first leg and jumps to the second at the fold. Down: it stays there until the flip."""
+    """Up: it follows the first leg and jumps to the second at the fold. Down: it stays there until
+    the flip.
+    """
     fold = branch.folds[0].value
     low, high = stable_orbits_at(branch, 0.0885)
-    up = sweep_in_time(low, np.array([0.0885, 0.089, 0.0895, 0.09]), revolutions=120, keep=3, modes=6)
+    up = sweep_in_time(low, np.array([0.0885, 0.089, 0.0895, 0.09]), revolutions=120, keep=3,
+                       modes=6)
     assert up.stopped == "It passed all the values asked for."
     assert up.section.shape == (4, 3, 2)
-    assert str(up) == ("Motion through 4 eccentricities, on an orbit of one revolution at 4 of them. "
+    assert str(up) == ("Motion through 4 eccentricities, on an orbit of one revolution at 4 of "
+                       "them. "
                        "It passed all the values asked for.")
-    there = {e: [o.positions(np.zeros(1))[:, 0] for o in stable_orbits_at(branch, e)] for e in up.static_eccentricity}
+    there = {e: [o.positions(np.zeros(1))[:, 0] for o in stable_orbits_at(branch, e)]
+             for e in up.static_eccentricity}
     for e, section in zip(up.static_eccentricity, up.section, strict=True):
         leg = there[e][0] if e < fold else there[e][-1]
         assert section[-1] == pytest.approx(leg, abs=1e-3 * shipped.gap)
@@ -254,16 +268,20 @@ def test_a_passage_ends_at_contact(branch):
 
 
 def test_a_passage_can_be_interrupted(branch):
-    """Ctrl-C in the middle of a value ends the passage; the values before are kept and no later one is tried."""
+    """Ctrl-C in the middle of a value ends the passage; the values before are kept and no later one
+    is tried.
+    """
     (start,) = orbits_at(branch, 0.05)
     calls = []
 
     def stop(done, whole):
         calls.append(done)
-    whole = sweep_in_time(start, [0.05, 0.051, 0.052], revolutions=4, keep=2, modes=6, progress=stop)
+    whole = sweep_in_time(start, [0.05, 0.051, 0.052], revolutions=4, keep=2, modes=6,
+                          progress=stop)
     assert calls == [1, 2, 3]
     # a law that interrupts after some hundred steps stands for the key
-    orbit = replace(start, equations=replace(start.equations, model=replace(start.model, law=Impatient(
+    orbit = replace(start, equations=replace(start.equations,
+                                             model=replace(start.model, law=Impatient(
         start.model.law.stiffness, start.model.law.gap))))
     Impatient.left = 128 * 6
     cut = sweep_in_time(orbit, [0.05, 0.051, 0.052], revolutions=4, keep=2, modes=6)
@@ -275,7 +293,8 @@ def test_a_passage_on_the_other_side(peer, speed):
     """A negative eccentricity is the other side of the stator, also in time."""
     start = HarmonicBalance().solve(peer, speed, -0.05, direction=0.7)
     found = sweep_in_time(start, [-0.05], revolutions=8, keep=4, steps=512)
-    assert found.section[0, -1] == pytest.approx(start.positions(np.zeros(1))[:, 0], abs=1e-4 * peer.gap)
+    assert found.section[0, -1] == pytest.approx(start.positions(np.zeros(1))[:, 0],
+                                                 abs=1e-4 * peer.gap)
 
 
 def test_passages_refuse(branch):

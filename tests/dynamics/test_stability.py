@@ -1,4 +1,6 @@
-"""Floquet multipliers against exact answers, DOP853 and the fold. A wrong "stable" is the worst error."""
+"""Floquet multipliers against exact answers, DOP853 and the fold. A wrong "stable" is the worst
+error.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -25,18 +27,22 @@ def apart(found, expected):
 
 
 def by_dop853(orbit, rtol=1e-10):
-    """Monodromy matrix in (q, v) by integrating the disturbance, written here on the model's own coordinates."""
+    """Monodromy matrix in (q, v) by integrating the disturbance, written here on the model's own
+    coordinates.
+    """
     model, n = orbit.model, orbit.model.size
     inverse = np.linalg.inv(model.M)
     D = model.C + orbit.speed * model.G
 
     def rate(t, s):
         q, v = s.reshape(2, n, 2 * n)
-        _, slope = model.law.linearise(orbit.positions(np.array([orbit.speed * t])) - orbit.centre[:, None])
+        _, slope = model.law.linearise(orbit.positions(np.array([orbit.speed * t]))
+                                       - orbit.centre[:, None])
         pull = model.selection.T @ slope[:, :, 0] @ model.selection
         return np.concatenate([v, inverse @ ((pull - model.K) @ q - D @ v)]).ravel()
 
-    found = solve_ivp(rate, (0, 2 * math.pi / orbit.speed), np.eye(2 * n).ravel(), "DOP853", rtol=rtol, atol=1e-12)
+    found = solve_ivp(rate, (0, 2 * math.pi / orbit.speed), np.eye(2 * n).ravel(), "DOP853",
+                      rtol=rtol, atol=1e-12)
     return found.y[:, -1].reshape(2 * n, 2 * n)
 
 
@@ -45,7 +51,8 @@ def by_dop853(orbit, rtol=1e-10):
 def corotating(model, orbit, radial, tangential):
     """Exact multipliers of a centred circular whirl of an isotropic 2-DOF rotor.
 
-    In axes that turn with the whirl the slope of the pull is constant, `radial` along e and `tangential` across.
+    In axes that turn with the whirl the slope of the pull is constant, `radial` along e and
+    `tangential` across.
     """
     m, c, k, W = model.M[0, 0], model.C[0, 0], model.K[0, 0], orbit.speed
     J = np.array([[0.0, 1.0], [-1.0, 0.0]])  # turns with the spin: x' = W z, z' = −W x in (x, z)
@@ -63,7 +70,8 @@ def test_centred_whirl(make_jeffcott, speed, radius):
     model = make_jeffcott(radius=radius).model()
     room = 1 - (radius / model.gap) ** 2
     tangential = model.law.stiffness * room**-1.5
-    # The exact circle, z + ix = w e^{iΩt}; for the same unbalance there may be smaller ones, hence it is the start.
+    # The exact circle, z + ix = w e^{iΩt}; for the same unbalance there may be smaller ones, hence
+    # it is the start.
     w = model.unbalance_cos[1] * speed**2 / (model.K[0, 0] - tangential - model.M[0, 0] * speed**2
                                              + 1j * speed * model.C[0, 0])
     small = HarmonicBalance(1).solve(model, speed)
@@ -82,7 +90,9 @@ def test_centred_whirl(make_jeffcott, speed, radius):
 
 @dataclass(frozen=True)
 class CubicPull(CircularPull):
-    """F = a |e|² e: on a circle its slope is 3a r² along e and a r² across, Yang's k_m (1 ± ½) with k_m = 2a r²."""
+    """F = a |e|² e: on a circle its slope is 3a r² along e and a r² across, Yang's k_m (1 ± ½) with
+    k_m = 2a r².
+    """
 
     def force(self, e):
         return self.stiffness * (e * e).sum(axis=0) * e
@@ -97,7 +107,8 @@ class CubicPull(CircularPull):
 @pytest.mark.parametrize("damping", [0.0, 2e4])
 @pytest.mark.parametrize("place", [0.2, 0.8, 0.96, 1.04, 1.5, 1.96, 2.04, 3.0])
 def test_parametric_band_of_a_two_pole_field(make_jeffcott, damping, place):
-    """A stiffness k − k_m that turns with 2ω as ∓ k_m/2 is unstable between √((k − 1.5 k_m)/m) and √((k − 0.5 k_m)/m).
+    """A stiffness k − k_m that turns with 2ω as ∓ k_m/2 is unstable between √((k − 1.5 k_m)/m) and
+    √((k − 0.5 k_m)/m).
 
     place: 1 is the lower end of that band, 2 the upper.
     """
@@ -105,16 +116,19 @@ def test_parametric_band_of_a_two_pole_field(make_jeffcott, damping, place):
     low, high = math.sqrt((k - 1.5 * km) / m), math.sqrt((k - 0.5 * km) / m)
     omega = low + (place - 1) * (high - low)  # unstable for place in (1, 2)
     base = make_jeffcott(mass=m, stiffness=k).model()
-    force = radius * (k - 0.5 * km - m * omega**2 + 1j * damping * omega) / omega**2  # makes the circle exact
+    # makes the circle exact
+    force = radius * (k - 0.5 * km - m * omega**2 + 1j * damping * omega) / omega**2
     model = replace(base, law=CubicPull(km / 2 / radius**2, base.gap), C=damping * np.eye(2),
                     unbalance_cos=np.array([force.imag, force.real]),
                     unbalance_sin=np.array([force.real, -force.imag]))
     circle = np.array([[0.0, radius, 0.0], [0.0, 0.0, radius]])
-    orbit = replace(HarmonicBalance(1).solve(base, omega), equations=HarmonicBalance(1).equations(model, omega),
+    orbit = replace(HarmonicBalance(1).solve(base, omega),
+                    equations=HarmonicBalance(1).equations(model, omega),
                     local=circle)
     assert np.abs(orbit.equations.residual(circle.ravel() / model.gap, np.zeros(2))).max() < 1e-13
     exact = corotating(model, orbit, 1.5 * km, 0.5 * km)
-    (found,) = floquet_all([orbit], steps=64, guard=False)  # the guard's batch takes circular gaps only
+    # the guard's batch takes circular gaps only
+    (found,) = floquet_all([orbit], steps=64, guard=False)
     assert apart(found.multipliers, exact) < 1e-7
     if damping == 0.0:
         unstable = np.abs(exact).max() > 1 + 1e-9
@@ -129,7 +143,8 @@ def test_constant_slope_gives_the_eigenvalues_of_a_softer_machine(unit, speed):
     soft = still.K - still.law.stiffness * still.selection.T @ still.selection
     inverse = np.linalg.inv(still.M)
     n = still.size
-    first_order = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ soft, -inverse @ still.velocity_matrix(speed)]])
+    first_order = np.block([[np.zeros((n, n)), np.eye(n)],
+                            [-inverse @ soft, -inverse @ still.velocity_matrix(speed)]])
     exact = np.exp(np.linalg.eigvals(first_order) * 2 * math.pi / speed)
     exact = exact[np.argsort(-np.abs(exact))][:8]
     found = floquet(orbit)
@@ -139,12 +154,14 @@ def test_constant_slope_gives_the_eigenvalues_of_a_softer_machine(unit, speed):
     assert apart(finer.multipliers, exact) < 1e-6
 
 
-# ------------------------------------------------------------------ the benchmark that peers were measured on
+# ------------------------------------------------------------------ the benchmark that peers were
+# measured on
 
 def test_peer_multipliers(peer, speed):
     orbit = HarmonicBalance().solve(peer, speed, 0.05)
     found = floquet(orbit)
-    assert np.abs(found.multipliers) == pytest.approx([0.8439132] * 4, abs=1e-6)  # research/peers.md
+    # research/peers.md
+    assert np.abs(found.multipliers) == pytest.approx([0.8439132] * 4, abs=1e-6)
     assert apart(found.multipliers, np.linalg.eigvals(by_dop853(orbit))) < 1e-6
     assert found.verdict == "stable"
     # Liouville: the trace of the first-order matrix is −2c/m whatever the pull does
@@ -154,13 +171,17 @@ def test_peer_multipliers(peer, speed):
 
 @pytest.fixture(scope="module")
 def far_branch(peer, speed):
-    return follow(peer, to=0.2, speed=speed, method=Arclength(HarmonicBalance(8), max_folds=2, tail=0))
+    return follow(peer, to=0.2, speed=speed,
+                  method=Arclength(HarmonicBalance(8), max_folds=2, tail=0))
 
 
 def test_the_trap_orbit(peer, speed, far_branch):
-    """The orbit that Hill's method with symmetry sorting calls stable: largest multiplier 29.56 (research/peers.md)."""
+    """The orbit that Hill's method with symmetry sorting calls stable: largest multiplier 29.56
+    (research/peers.md).
+    """
     leg = range(far_branch.folds[0].after + 1, far_branch.folds[1].after)
-    near = min(leg, key=lambda i: abs(far_branch.static_eccentricity[i] - 0.0198) + abs(far_branch[i].mean[0] + 2e-3))
+    near = min(leg, key=lambda i: abs(far_branch.static_eccentricity[i] - 0.0198)
+               + abs(far_branch[i].mean[0] + 2e-3))
     orbit = HarmonicBalance(16).solve(peer, speed, 0.0198, start=far_branch[near])
     truth = leading(by_dop853(orbit))
     assert truth[0].real == pytest.approx(29.56, abs=0.05)
@@ -170,7 +191,8 @@ def test_the_trap_orbit(peer, speed, far_branch):
     assert apart(found.multipliers, truth) < 1e-3
     coarse = HarmonicBalance(4).solve(peer, speed, 0.0198, start=far_branch[near])
     assert floquet(coarse).verdict == "unstable"
-    assert apart(floquet(coarse).multipliers, truth[:1]) < 0.03  # four harmonics say 34: it looks again, more finely
+    # four harmonics say 34: it looks again, more finely
+    assert apart(floquet(coarse).multipliers, truth[:1]) < 0.03
 
 
 def test_no_orbit_of_the_unstable_leg_comes_out_stable(peer, speed, far_branch):
@@ -232,11 +254,14 @@ def test_defaults_are_as_good_as_they_say(unit, speed, eccentricity):
 
 
 def test_verdicts_are_what_time_integration_does(peer, speed, far_branch):
-    """A small push dies out on one orbit and grows on the other by the leading multiplier, revolution by revolution."""
+    """A small push dies out on one orbit and grows on the other by the leading multiplier,
+    revolution by revolution.
+    """
     k = far_branch.folds[0].after
     for orbit, grows in ((far_branch[k - 3], False), (far_branch[k + 4], True)):
         # start on the true periodic motion: the push is a difference of two runs
-        options = {"speed": speed, "static_eccentricity": orbit.static_eccentricity, "start": orbit, "revolutions": 3}
+        options = {"speed": speed, "static_eccentricity": orbit.static_eccentricity,
+                   "start": orbit, "revolutions": 3}
         calm = integrate(peer, RungeKutta(1e-11, 1e-16, 16), **options)
         pushed = integrate(peer, RungeKutta(1e-11, 1e-16, 16), disturbance=(1e-7, 5e-8), **options)
         gap = np.hypot(*(pushed.positions - calm.positions))[::16]

@@ -29,7 +29,9 @@ CHANGES = [("field", lambda m: m.air_gap.field * 1.01), ("unbalance", lambda m: 
 
 @pytest.mark.parametrize(("key", "value"), CHANGES, ids=[key for key, _ in CHANGES])
 def test_moved_is_followed(machine, branch, key, value):
-    """Folds to 1e-9, and every point a steady state of the new machine; the points themselves need not be the same."""
+    """Folds to 1e-9, and every point a steady state of the new machine; the points themselves need
+    not be the same.
+    """
     model = vary(machine, {key: value(machine)}).model()
     moved, fresh = update_branch(branch, model), follow(model, speed=machine.speed)
     assert moved.stopped == MOVED
@@ -57,7 +59,8 @@ def test_a_slider_back_and_forth(machine, branch):
     for ratio in ratios:
         moving = update_branch(moving, model.with_field(float(ratio)))
         fresh = follow(model.with_field(float(ratio)), speed=machine.speed)
-        assert [f.value for f in moving.folds] == pytest.approx([f.value for f in fresh.folds], abs=1e-9)
+        assert [f.value for f in moving.folds] == pytest.approx([f.value for f in fresh.folds],
+                                                                abs=1e-9)
 
 
 def test_another_speed(machine, branch):
@@ -69,7 +72,9 @@ def test_another_speed(machine, branch):
 
 
 def test_topology_changes_are_followed_from_scratch(machine, branch):
-    """With 9 % more field the first two folds have almost met; with 15 % other legs have come and gone."""
+    """With 9 % more field the first two folds have almost met; with 15 % other legs have come and
+    gone.
+    """
     model = machine.model()
     for ratio in (1.2, 0.7):
         changed = model.with_field(ratio)
@@ -77,16 +82,20 @@ def test_topology_changes_are_followed_from_scratch(machine, branch):
         assert found.stopped != MOVED
         assert len(found) == len(fresh)
         assert found.values == pytest.approx(fresh.values, abs=1e-9)
-        assert [f.value for f in found.folds] == pytest.approx([f.value for f in fresh.folds], abs=1e-12)
+        assert [f.value for f in found.folds] == pytest.approx([f.value for f in fresh.folds],
+                                                               abs=1e-12)
 
 
 def test_the_leg_it_began_on_is_kept(machine):
-    """A branch that began on the far leg is taken up there, also when it is followed from scratch."""
+    """A branch that began on the far leg is taken up there, also when it is followed from scratch.
+    """
     model = machine.model()
     far = orbits_at(follow(model, speed=machine.speed), 0.085)[2]
-    branch = follow(model, speed=machine.speed, start=far, to=0.2, method=Arclength(max_folds=1, tail=0))
+    branch = follow(model, speed=machine.speed, start=far, to=0.2,
+                    method=Arclength(max_folds=1, tail=0))
     found = update_branch(branch, model.with_field(0.97))
-    fresh = update_branch(replace(branch, special_points=()), model.with_field(0.97))  # as if a fold had appeared
+    # as if a fold had appeared
+    fresh = update_branch(replace(branch, special_points=()), model.with_field(0.97))
     assert MOVED not in fresh.stopped
     assert np.abs(fresh[0].mean - found[0].mean).max() < 1e-9 * model.gap
     assert fresh.folds[0].value == pytest.approx(found.folds[0].value, abs=1e-9)
@@ -100,7 +109,8 @@ def test_gaps_of_another_shape_are_followed(machine, branch):
 
 
 def test_closed_branches_stay_closed(peer, speed):
-    whole = follow(peer, to=0.2, speed=speed, method=Arclength(max_folds=60, max_points=3000, past_start=True))
+    whole = follow(peer, to=0.2, speed=speed,
+                   method=Arclength(max_folds=60, max_points=3000, past_start=True))
     moved = update_branch(whole, peer.with_unbalance(1.0005))
     if moved.stopped == MOVED:
         assert moved.closed

@@ -45,7 +45,8 @@ def test_without_a_kernel_the_first_picture_stands_in():
 
 
 def test_a_view_that_fails_says_so():
-    explorer = Explorer(lambda n: gap_picture(1 / n - 1), n=widgets.FloatSlider(value=1, min=0, max=2))
+    explorer = Explorer(lambda n: gap_picture(1 / n - 1),
+                        n=widgets.FloatSlider(value=1, min=0, max=2))
     with pytest.raises(ZeroDivisionError):
         explorer.controls["n"].value = 0
 
@@ -56,5 +57,6 @@ def test_the_picture_of_the_readme_is_made_again(tmp_path, capsys):
     line = capsys.readouterr().out
     assert file.read_bytes().startswith(b"\x89PNG")
     assert line.startswith("![The eccentricity explorer. Leg 1, stable. At 8.8 %")
-    shown = next(row for row in (ROOT / "README.md").read_text(encoding="utf-8").splitlines() if "eccentricity.png" in row)
+    shown = next(row for row in (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+                 if "eccentricity.png" in row)
     assert shown.split("](")[0] == line.split("](")[0], "python -m hydrolab.course.readme_picture prints the line"

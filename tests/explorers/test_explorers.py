@@ -1,4 +1,6 @@
-"""Every explorer at both ends of every control and where there is nothing, and what its view shows against another way."""
+"""Every explorer at both ends of every control and where there is nothing, and what its view shows
+against another way.
+"""
 
 import io
 import math
@@ -68,7 +70,8 @@ def test_both_ends_of_every_control(name):
             control.value = value
             shown.add((explorer.reading, seen(explorer)))
             assert explorer.image.still.startswith(b"\x89PNG")
-            assert len(explorer.reading) > 40 and "nan" not in explorer.reading.split(), (key, value)
+            assert len(explorer.reading) > 40 and "nan" not in explorer.reading.split(), (key,
+                                                                                          value)
         assert shown - {(first, picture)}, key
         explorer.reset.click()
         assert explorer.reading == first, key
@@ -82,7 +85,8 @@ def test_without_a_kernel_the_first_picture_stands_in(name):
     assert stored["text/plain"] == first
     assert (explorer.reading, seen(explorer)) == (first, picture), "storing it leaves it as it was"
     assert "data:image/" in stored["text/html"]
-    assert not [number for number in stored["text/plain"].split() if len(number) > 12 and number[0].isdigit()]
+    assert not [number for number in stored["text/plain"].split() if len(number) > 12
+                and number[0].isdigit()]
 
 
 def test_where_no_orbit_exists_the_last_one_stays_in_grey():
@@ -92,7 +96,8 @@ def test_where_no_orbit_exists_the_last_one_stays_in_grey():
     assert explorer.view.none.get_text() == "leg 1: none at 9.5 %"
     harmonics = explorer_of("harmonics")
     harmonics.controls["harmonics"].value = 8
-    assert harmonics.reading.startswith("Nothing to show here; the last picture is left in grey. samples is 8")
+    assert harmonics.reading.startswith("Nothing to show here; the last picture is left in grey. "
+                                        "samples is 8")
     harmonics.controls["samples"].value = 64
     assert harmonics.reading.startswith("8 harmonics and 64 samples")
 
@@ -118,13 +123,16 @@ class Asked:
 @pytest.fixture
 def asked():
     view = Asked()
-    controls = {"height": slider("height", 1.0, -1.0, 4.0, 0.5, 1), "name": choice("name", "a", ["a", "b"])}
-    return FigureExplorer(view, view.kept, controls, lambda x, y: {"height": 4 * y, "name": "b"} if x > 0.5 else None)
+    controls = {"height": slider("height", 1.0, -1.0, 4.0, 0.5, 1),
+                "name": choice("name", "a", ["a", "b"])}
+    return FigureExplorer(view, view.kept, controls, lambda x,
+                          y: {"height": 4 * y, "name": "b"} if x > 0.5 else None)
 
 
 def test_one_question_and_one_message_a_change(asked, monkeypatch):
     sent = []
-    monkeypatch.setattr(type(asked.image), "send_state", lambda self, key=None: sent.append(set(key)))
+    monkeypatch.setattr(type(asked.image), "send_state", lambda self,
+                        key=None: sent.append(set(key)))
     asked.controls["height"].value = 2.0
     assert asked.view.calls == [(1.0, "a"), (2.0, "a")]
     assert sent == [{"moving", "reading"}]
@@ -134,9 +142,11 @@ def test_one_question_and_one_message_a_change(asked, monkeypatch):
 
 def pixels_seen(explorer):
     """What the browser makes of the two layers, pixels as 4-byte numbers along the rows."""
-    pixels = np.array(Image.open(io.BytesIO(explorer.image.still)).convert("RGBA")).reshape(-1, 4).view("<u4")[:, 0]
+    pixels = np.array(Image.open(io.BytesIO(explorer.image.still)).convert("RGBA")).reshape(-1,
+                                                                                            4).view("<u4")[:, 0]
     count, *runs = np.frombuffer(explorer.image.moving, "<u4")
-    at = np.concatenate([np.arange(s, s + n) for s, n in zip(runs[:count], runs[count:2 * count], strict=True)])
+    at = np.concatenate([np.arange(s, s + n)
+                         for s, n in zip(runs[:count], runs[count:2 * count], strict=True)])
     pixels[at] = runs[2 * count:]
     return pixels
 
@@ -147,7 +157,8 @@ def test_the_two_layers_are_the_picture(name, asked):
     slider = next(iter(explorer.controls.values()))
     for value in (slider.value, 2.5, slider.max, 3.0):
         slider.value = value
-        whole = np.array(Image.open(io.BytesIO(explorer.kept.png())).convert("RGBA")).reshape(-1, 4).view("<u4")[:, 0]
+        whole = np.array(Image.open(io.BytesIO(explorer.kept.png())).convert("RGBA")).reshape(-1,
+                                                                                              4).view("<u4")[:, 0]
         assert np.array_equal(pixels_seen(explorer), whole)
 
 
@@ -181,7 +192,8 @@ def test_a_mistake_in_a_view_is_not_hidden():
         FigureExplorer(lambda n: f"{1 / n}", view.kept, {"n": whole("n", 0, 0, 1)})
 
 
-@pytest.mark.parametrize("content", [None, 7, "x", {}, {"x": "a", "y": 0.5}, {"x": math.nan, "y": 0.5}, {"x": 2, "y": 0.5},
+@pytest.mark.parametrize("content", [None, 7, "x", {}, {"x": "a", "y": 0.5},
+                                     {"x": math.nan, "y": 0.5}, {"x": 2, "y": 0.5},
                                      {"x": [1], "y": {}}, {"x": 0.2, "y": 0.5}])
 def test_a_click_that_is_none_changes_nothing(asked, content):
     asked._clicked(asked.image, content, [])
@@ -214,7 +226,9 @@ def test_a_click_on_a_branch_shows_the_orbits_there(name, leg, eccentricity):
     explorer = explorer_of(name)
     view = explorer.pick.__self__
     orbit = view.legs.orbit(eccentricity / 100, leg)
-    axes, value = (view.gaps, 1e3 * orbit.smallest_gap) if name == "branch" else (view.diagram, 1e6 * orbit.amplitudes[0, 0])
+    axes, value = (view.gaps, 1e3 * orbit.smallest_gap) if name == "branch" else (view.diagram,
+                                                                                  1e6
+                                                                                  * orbit.amplitudes[0, 0])
     place = axes.transData.transform((eccentricity, value))
     x, y = view.kept.figure.transFigure.inverted().transform(place)
     explorer._clicked(explorer.image, {"x": float(x), "y": float(y)}, [])
@@ -226,7 +240,8 @@ def test_a_click_on_a_branch_shows_the_orbits_there(name, leg, eccentricity):
 def test_a_click_at_a_fold_stays_on_the_leg():
     view = explorer_of("eccentricity").view
     fold = view.legs.branch.at_fold(0)
-    place = view.diagram.transData.transform((100 * fold.static_eccentricity, 1e6 * fold.amplitudes[0, 0]))
+    place = view.diagram.transData.transform((100 * fold.static_eccentricity,
+                                              1e6 * fold.amplitudes[0, 0]))
     found = view.pick(*view.kept.figure.transFigure.inverted().transform(place))
     assert view.legs.orbit(found["eccentricity"] / 100, found["leg"] - 1) is not None
 
@@ -251,7 +266,8 @@ def test_past_the_fold_the_machine_jumps_and_does_not_come_back_the_same_way():
 def test_the_jeffcott_response_is_that_of_harmonic_balance():
     view = explorer_of("Jeffcott").view
     ratio = 0.05
-    bearing = replace(JEFFCOTT.bearings[0], damping=2 * ratio * math.sqrt(view.stiffness * view.mass))
+    bearing = replace(JEFFCOTT.bearings[0], damping=2 * ratio
+                      * math.sqrt(view.stiffness * view.mass))
     model = replace(JEFFCOTT, bearings=(bearing,)).model().with_field(0.0)
     for rpm in (90, 300):
         orbit = HarmonicBalance(harmonics=1).solve(model, rpm * math.pi / 30)
@@ -279,7 +295,8 @@ def test_a_stator_of_no_depth_is_round():
 
 def test_the_error_of_a_method_falls_with_its_order():
     view = explorer_of("integrator").view
-    for method, order in (("central difference", 2), ("Newmark, γ = 1/2", 2), ("Newmark, γ = 0.6", 1)):
+    for method, order in (("central difference", 2), ("Newmark, γ = 1/2", 2),
+                          ("Newmark, γ = 0.6", 1)):
         for steps in (128, 256):
             view(method, steps)
         found = math.log2(view.errors[method, 128] / view.errors[method, 256])
@@ -294,7 +311,8 @@ def test_a_slender_shaft_has_the_frequencies_of_euler_and_bernoulli():
     view = ElementsView(shaft)
     k, radius = np.arange(1, 5) * math.pi / 50, 0.1 / 4
     exact = k**2 * math.sqrt(shaft.young / shaft.density) * radius
-    softer = 1 - (1 + 2 * (1 + shaft.poisson) / shaft.shear_coefficient) * (k * radius) ** 2 / 2  # rotation and shear
+    # rotation and shear
+    softer = 1 - (1 + 2 * (1 + shaft.poisson) / shaft.shear_coefficient) * (k * radius) ** 2 / 2
     assert view.exact == pytest.approx(exact * softer, rel=1e-7)
     assert view.modes(16)[0][:2] == pytest.approx(exact[:2], rel=1e-4)
 
@@ -330,7 +348,8 @@ def test_machines_that_do_not_fit_are_refused_with_a_sentence():
     with pytest.raises(BadInput, match="has a shaft"):
         explorers_rotor.jeffcott_explorer(KAPLAN)
     bare = load_machine("three-disc")
-    for make in (explorers.eccentricity_explorer, explorers.past_fold_explorer, explorers_rotor.gap_explorer,
+    for make in (explorers.eccentricity_explorer, explorers.past_fold_explorer,
+                 explorers_rotor.gap_explorer,
                  explorers_rotor.gap_shape_explorer, explorers_machine.diagnosis_explorer):
         with pytest.raises(BadInput, match="air_gap"):
             make(bare)

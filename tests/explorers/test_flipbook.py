@@ -1,4 +1,6 @@
-"""Flip-books: the frames that a page without a kernel shows are the pictures that the explorer showed."""
+"""Flip-books: the frames that a page without a kernel shows are the pictures that the explorer
+showed.
+"""
 
 import base64
 import io
@@ -35,7 +37,8 @@ def test_a_frame_over_the_first_one_is_the_picture():
         pixels[10 + 5 * k:20 + 5 * k, 10:30] = (0, 90 + 40 * k, 160, 255)
         frames.append(Frame(str(k), f"frame {k}.", quick_png(pixels)))
         drawn.append(pixels[..., :3].astype(int))
-    frames.append(Frame("3", "another size.", quick_png(random.integers(0, 9, (20, 30, 4), np.uint8))))
+    frames.append(Frame("3", "another size.",
+                        quick_png(random.integers(0, 9, (20, 30, 4), np.uint8))))
     book = json.loads(flipbook("place", frames, 1))
     for k in range(3):
         assert abs(seen(book, k) - drawn[k]).max() <= 1
@@ -46,9 +49,11 @@ def test_a_frame_over_the_first_one_is_the_picture():
 
 
 @pytest.mark.parametrize("slider", [
-    widgets.FloatSlider(value=0.3, min=0, max=1, step=0.01), widgets.FloatSlider(value=8.77, min=0, max=11.2, step=0.05),
+    widgets.FloatSlider(value=0.3, min=0, max=1, step=0.01),
+    widgets.FloatSlider(value=8.77, min=0, max=11.2, step=0.05),
     widgets.IntSlider(value=3, min=1, max=5), widgets.IntSlider(value=7, min=0, max=100),
-    widgets.FloatSlider(value=0.0, min=0, max=1, step=0.3), widgets.FloatSlider(value=0.234, min=0, max=1, step=0.1)])
+    widgets.FloatSlider(value=0.0, min=0, max=1, step=0.3),
+    widgets.FloatSlider(value=0.234, min=0, max=1, step=0.1)])
 def test_values_span_the_slider_and_hold_its_own(slider):
     values = slider_values(slider)
     assert values == sorted(set(values)) and len(values) <= FRAMES
@@ -64,7 +69,8 @@ def test_some_numbers_to_choose_from_are_a_slider_too():
 
 
 def test_the_main_slider_is_the_first_one():
-    controls = {"leg": widgets.ToggleButtons(options=[1, 2]), "e": widgets.FloatSlider(0.5, readout_format=".2f"),
+    controls = {"leg": widgets.ToggleButtons(options=[1, 2]),
+                "e": widgets.FloatSlider(0.5, readout_format=".2f"),
                 "n": widgets.IntSlider(1)}
     assert main_control(controls) == "e"
     assert main_control({"leg": controls["leg"]}) is None
@@ -72,7 +78,8 @@ def test_the_main_slider_is_the_first_one():
 
 
 def test_an_explorer_carries_its_frames():
-    explorer = Explorer(gap_picture, eccentricity=widgets.FloatSlider(value=0.2, min=0, max=0.6, readout_format=".1f"))
+    explorer = Explorer(gap_picture, eccentricity=widgets.FloatSlider(value=0.2, min=0, max=0.6,
+                                                                      readout_format=".1f"))
     explorer.controls["eccentricity"].value = 0.1  # the page begins where the chapter did
     book = json.loads(explorer._repr_mimebundle_()[MIME])
     assert explorer.reading == gap_picture(0.1).reading
@@ -88,14 +95,16 @@ def test_where_there_is_nothing_to_show_the_frame_says_so():
             raise BadInput("too far.")
         return gap_picture(eccentricity)
 
-    explorer = Explorer(view, eccentricity=widgets.FloatSlider(value=0.2, min=0, max=0.6, readout_format=".1f"))
+    explorer = Explorer(view, eccentricity=widgets.FloatSlider(value=0.2, min=0, max=0.6,
+                                                               readout_format=".1f"))
     book = json.loads(explorer._repr_mimebundle_()[MIME])
     assert book["frames"][6]["reading"].endswith("too far.")
     assert explorer.reading == gap_picture(0.2).reading
 
 
 def test_a_moved_explorer_still_begins_where_it_did():
-    explorer = Explorer(gap_picture, eccentricity=widgets.FloatSlider(value=0.23, min=0, max=0.6, step=0.01,
+    explorer = Explorer(gap_picture, eccentricity=widgets.FloatSlider(value=0.23, min=0, max=0.6,
+                                                                      step=0.01,
                                                                       readout_format=".2f"))
     explorer.frames = 4
     explorer.controls["eccentricity"].value = 0.07

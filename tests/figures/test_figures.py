@@ -1,4 +1,6 @@
-"""Every picture is built for a Kaplan-type machine, a point mass and a machine without a fold, and read back."""
+"""Every picture is built for a Kaplan-type machine, a point mass and a machine without a fold, and
+read back.
+"""
 
 import io
 import math
@@ -38,15 +40,18 @@ from hydrolab.paper.study import run_study
 
 ROOT = Path(__file__).resolve().parents[2]
 FREE = {"generator_mass": 64563.7, "generator_gyration": 0.720158, "generator_shape": 0.621429,
-        "turbine_mass": 51240.7, "turbine_gyration": 1.41455, "turbine_shape": 0.739282, "turbine_offset": 0.657759,
+        "turbine_mass": 51240.7, "turbine_gyration": 1.41455, "turbine_shape": 0.739282,
+        "turbine_offset": 0.657759,
         "thrust_depth": 4.38749, "turbine_bearing_depth": 8.51827, "unbalance_share": 0.706394,
         "unbalance_phase": 0.437807}
 
 
 def point_mass(stiffness: float, field: float = 0.5) -> Machine:
     damping = 0.02 * math.sqrt(stiffness * 1.5e5)
-    return Machine("point mass", rpm(150), None, (RigidBody("disc", 0, 1.5e5, 0.0, 0.0, unbalance=55.0),),
-                   (RadialBearing("springs", 0, stiffness, damping),), air_gap=AirGap("disc", field, 2.9945, 0.97, 0.011))
+    return Machine("point mass", rpm(150), None,
+                   (RigidBody("disc", 0, 1.5e5, 0.0, 0.0, unbalance=55.0),),
+                   (RadialBearing("springs", 0, stiffness, damping),),
+                   air_gap=AirGap("disc", field, 2.9945, 0.97, 0.011))
 
 
 MACHINES = {"kaplan": build(FREE, 0.945331, 121.701), "point mass": point_mass(2.7e8),
@@ -64,7 +69,8 @@ def pictures(studies):
     for name, study in studies.items():
         stability = study.stability
         made[name] = study_pictures(study) | {
-            "orbit": orbit_picture(study.orbits[8.8]), "branch": branch_picture(study.branch, stability),
+            "orbit": orbit_picture(study.orbits[8.8]),
+            "branch": branch_picture(study.branch, stability),
             "branch without stability": branch_picture(study.natural)}
     return made
 
@@ -91,7 +97,8 @@ def test_axes_have_units_and_amplitudes_say_how_they_are_counted(pictures, machi
         labels = [label for label in labels if label]
         assert labels
         for label in labels:
-            assert re.search(r", (mm|µm|m|s|% of the gap)\b|^revolutions", label), f"{name}: {label!r} has no unit"
+            assert re.search(r", (mm|µm|m|s|% of the gap)\b|^revolutions",
+                             label), f"{name}: {label!r} has no unit"
             assert "amplitude" not in label or "0-to-peak" in label
 
 
@@ -115,7 +122,8 @@ def test_forward_whirl_is_clockwise_on_the_page(studies):
 def test_pictures_say_their_reading(pictures, machine_name):
     for name, picture in pictures[machine_name].items():
         assert repr(picture) == picture.reading
-        assert picture.reading.endswith(".") and not re.search(r"\d\.\d{5}|nan|inf\b|e-\d", picture.reading), name
+        assert picture.reading.endswith(".") and not re.search(r"\d\.\d{5}|nan|inf\b|e-\d",
+                                                               picture.reading), name
 
 
 def test_a_notebook_gets_a_figure_with_alt_text_and_caption(pictures):
@@ -212,7 +220,8 @@ def test_the_smooth_curve_turns_at_the_folds(studies):
     np.testing.assert_allclose(coefficients, branch.coefficients, atol=1e-14)
     slope = smooth.spline(smooth.at_folds, 1)[:, 0]
     np.testing.assert_allclose(slope, 0, atol=1e-3)
-    np.testing.assert_allclose(smooth(smooth.at_folds)[0], [fold.value for fold in branch.folds], atol=1e-14)
+    np.testing.assert_allclose(smooth(smooth.at_folds)[0], [fold.value for fold in branch.folds],
+                               atol=1e-14)
 
 
 def test_stable_is_solid_and_ends_at_the_fold(studies):
@@ -226,25 +235,31 @@ def test_stable_is_solid_and_ends_at_the_fold(studies):
     assert first.get_xdata()[-1] == pytest.approx(100 * study.branch.folds[0].value, abs=1e-9)
     assert second.get_xdata()[0] == first.get_xdata()[-1] and second.get_ydata()[0] == first.get_ydata()[-1]
     words = verdicts(study.branch, stability)
-    assert set(words[study.branch.first_leg]) == {"stable"} and words[study.branch.folds[0].after + 1] == "unstable"
+    assert set(words[study.branch.first_leg]) == {"stable"} and words[study.branch.folds[0].after
+                                                                      + 1] == "unstable"
 
 
 def test_the_rotor_hangs_down_and_its_bodies_sit_on_their_links(studies, pictures):
     study = studies["kaplan"]
     for p in (1.0, 8.9):
         orbit = study.orbits[p]
-        np.testing.assert_allclose(body_coefficients(study.machine, orbit, "generator"), orbit.coefficients, atol=1e-10)
+        np.testing.assert_allclose(body_coefficients(study.machine, orbit, "generator"),
+                                   orbit.coefficients, atol=1e-10)
     panels = pictures["kaplan"]["figure-7"].figure.axes[:4]
     for axes in panels:
         bottom, top = axes.get_ylim()
         assert bottom > 9.04 > 0 > -0.472 > top
-    assert len({axes.get_xlim() for axes in panels}) == len({axes.get_ylim() for axes in panels}) == 1
+    assert len({axes.get_xlim() for axes in panels}) == len({axes.get_ylim()
+                                                             for axes in panels}) == 1
     names = [label.get_text() for label in panels[-1].child_axes[0].get_yticklabels()]
-    assert names == ["generator", "generator guide bearing", "thrust bearing", "turbine guide bearing", "turbine"]
-    factor = int(re.search(r"drawn (\d+) times", pictures["kaplan"]["figure-7"].figure.get_suptitle())[1])
+    assert names == ["generator", "generator guide bearing", "thrust bearing", "turbine guide "
+                     "bearing", "turbine"]
+    factor = int(re.search(r"drawn (\d+) times",
+                           pictures["kaplan"]["figure-7"].figure.get_suptitle())[1])
     x, y = on_page(np.array([[1e-3], [0.0]]), 2.0, factor)
     assert (x[0], y[0]) == (pytest.approx(1.0), 2.0)
-    assert on_page(np.array([[0.0], [1e-3]]), 2.0, factor)[1][0] < 2.0  # +z is drawn upwards, as seen from above
+    # +z is drawn upwards, as seen from above
+    assert on_page(np.array([[0.0], [1e-3]]), 2.0, factor)[1][0] < 2.0
 
 
 def test_a_point_has_orbits_only(studies):
@@ -265,19 +280,22 @@ def test_readings_of_other_results(studies):
     assert "has no fold" in reading(study.natural)
     said = reading(modes(study.model, study.speed))
     assert re.search(r"At 150 rpm the lowest of \d+ modes are at \d+\.\d\d Hz \((forward|backward), damping", said)
-    motion = integrate(study.model, CentralDifference(512), speed=study.speed, static_eccentricity=0.05, revolutions=3)
+    motion = integrate(study.model, CentralDifference(512), speed=study.speed,
+                       static_eccentricity=0.05, revolutions=3)
     assert "Over 3 revolutions at 150 rpm and 5 % static eccentricity" in reading(motion)
     assert reading("as it is") == "as it is"
 
 
-@pytest.mark.parametrize(("length", "words"), [(519.4e-6, "519 µm"), (2.34e-6, "2.3 µm"), (-0.0421e-6, "-0.042 µm"),
+@pytest.mark.parametrize(("length", "words"),
+                         [(519.4e-6, "519 µm"), (2.34e-6, "2.3 µm"), (-0.0421e-6, "-0.042 µm"),
                                                (1e-12, "0 µm"), (-1e-20, "0 µm")])
 def test_microns(length, words):
     assert microns(length) == words
 
 
 def test_colours_that_must_differ_do():
-    for together in (("x", "z"), ("mean", "1X", "2X", "3X", "4X"), ("stable", "unstable", "unknown"),
+    for together in (("x", "z"), ("mean", "1X", "2X", "3X", "4X"),
+                     ("stable", "unstable", "unknown"),
                      ("harmonic balance", "integration", "stator"), ("rotor", "stator", "mean")):
         assert len({COLOURS[name] for name in together}) == len(together)
 
@@ -292,8 +310,10 @@ def test_drawing_leaves_nothing_behind(studies):
 
 def test_drawing_needs_no_pyplot():
     code = ("import sys, hydrolab.figures.paper_figures, hydrolab.figures.orbits as f\n"
-            "from hydrolab.figures.picture import Picture; from hydrolab.figures.style import new_figure\n"
+            "from hydrolab.figures.picture import Picture; from hydrolab.figures.style import "
+            "new_figure\n"
             "Picture(new_figure(2, 2), 'empty.').png()\n"
             "assert 'matplotlib.pyplot' not in sys.modules")
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, cwd=ROOT)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
+                          timeout=120, cwd=ROOT)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,5 @@
-"""The maps of the practice and of parametric instability: their readings say what the numbers say."""
+"""The maps of the practice and of parametric instability: their readings say what the numbers say.
+"""
 
 import numpy as np
 import pytest
@@ -25,7 +26,8 @@ def test_reading_of_the_practice(peer, speed):
 
 def test_reading_of_the_chart():
     growth = np.array([[-1.0, -1.0, -1.0, -1.0], [-1.0, 2.0, 3.5, -1.0]])
-    chart = StabilityChart(np.array([100.0, 200.0, 300.0, 400.0]) * np.pi / 30, np.array([0.5, 1.0]), growth)
+    chart = StabilityChart(np.array([100.0, 200.0, 300.0, 400.0]) * np.pi / 30,
+                           np.array([0.5, 1.0]), growth)
     picture = stability_map(chart, ([0.9, 1.0], [15.0, 18.0], [32.0, 35.0]))
     assert "unstable from 200 to 300 rpm" in picture.reading and "3.5 a second" in picture.reading
     assert "25 % of the chart" in picture.reading

@@ -1,4 +1,6 @@
-"""The house style: colours that readers with any colour vision tell apart, sizes that a projector shows."""
+"""The house style: colours that readers with any colour vision tell apart, sizes that a projector
+shows.
+"""
 
 import itertools
 
@@ -7,11 +9,14 @@ import pytest
 
 from hydrolab.figures.style import COLOURS, LINES, STYLE
 
-TOGETHER = [("x", "z"), ("mean", "1X", "2X", "3X", "4X"), ("stable", "unstable", "unknown"), ("rotor", "stator")]
+TOGETHER = [("x", "z"), ("mean", "1X", "2X", "3X", "4X"), ("stable", "unstable", "unknown"),
+            ("rotor", "stator")]
 # Viénot, Brettel and Mollon (1999): what is left of linear RGB without the long, the middle cones.
 SEEN = {"all cones": np.eye(3),
-        "no long cones": np.array([[0.11238, 0.88762, 0], [0.11238, 0.88762, 0], [0.00401, -0.00401, 1]]),
-        "no middle cones": np.array([[0.29275, 0.70725, 0], [0.29275, 0.70725, 0], [-0.02234, 0.02234, 1]])}
+        "no long cones": np.array([[0.11238, 0.88762, 0], [0.11238, 0.88762, 0],
+                                   [0.00401, -0.00401, 1]]),
+        "no middle cones": np.array([[0.29275, 0.70725, 0], [0.29275, 0.70725, 0],
+                                     [-0.02234, 0.02234, 1]])}
 TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
 
 
@@ -39,8 +44,12 @@ def test_the_colours_of_lines_stand_out_on_white():
 
 
 def test_letters_are_legible_when_projected():
-    """12 pt on a figure of 12 in: letters are 27 of 1920 pixels high where the figure fills the wall."""
+    """12 pt on a figure of 12 in: letters are 27 of 1920 pixels high where the figure fills the
+    wall.
+    """
     for name, value in STYLE.items():
-        if name.endswith(("size", "labelsize", "titlesize", "fontsize")) and isinstance(value, int | float):
+        if name.endswith(("size", "labelsize", "titlesize", "fontsize")) and isinstance(value,
+                                                                                        int
+                                                                                        | float):
             assert value >= (7 if "marker" in name else 12), name
     assert STYLE["lines.linewidth"] >= 2

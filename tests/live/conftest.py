@@ -15,8 +15,10 @@ from websockets.sync.client import connect
 
 from hydrolab.live.server import close_server
 
-CAMERA = {"type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [3.0, 3.0, 3.0], "fov": 1.0,
-          "near": 0.1, "far": 100.0, "image_height": 400, "image_width": 640, "look_at": [0.0, 0.0, 0.0],
+CAMERA = {"type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0], "position": [3.0, 3.0, 3.0],
+          "fov": 1.0,
+          "near": 0.1, "far": 100.0, "image_height": 400, "image_width": 640,
+          "look_at": [0.0, 0.0, 0.0],
           "up_direction": [0.0, 0.0, 1.0]}
 
 
@@ -26,7 +28,8 @@ class RawClient:
     def __init__(self, port, *, hello=True, listen=True, host="127.0.0.1", source=None, **options):
         self.heard: list[dict] = []
         self.closed: str | None = None
-        options = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "compression": None,
+        options = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None,
+                   "compression": None,
                    "proxy": None, "open_timeout": 60} | options
         if source:  # as if from another computer
             options["sock"] = socket.create_connection((host, port), source_address=(source, 0))
@@ -42,7 +45,8 @@ class RawClient:
         try:
             for frame in self.socket:
                 size = int.from_bytes(frame[8:16], "little")
-                self.heard += msgspec.msgpack.decode(unpack.decompress(frame[16:16 + size]))["messages"]
+                self.heard += msgspec.msgpack.decode(unpack.decompress(frame[16:16
+                                                                             + size]))["messages"]
         except ConnectionClosed:
             pass
         self.closed = f"{self.socket.protocol.close_code} {self.socket.protocol.close_reason}"
@@ -50,7 +54,8 @@ class RawClient:
     def say(self, message):
         """Send a message (a dict) or raw bytes or text; False where the connection is gone."""
         try:
-            self.socket.send(msgspec.msgpack.encode(message) if isinstance(message, dict) else message)
+            self.socket.send(msgspec.msgpack.encode(message) if isinstance(message, dict)
+                             else message)
         except ConnectionClosed:
             return False
         return True

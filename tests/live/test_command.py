@@ -1,4 +1,6 @@
-"""`hydrolab show` without a browser: what it says, what it refuses, and the run sheet that plays without a server."""
+"""`hydrolab show` without a browser: what it says, what it refuses, and the run sheet that plays
+without a server.
+"""
 
 import base64
 import json
@@ -22,13 +24,17 @@ from hydrolab.live.server import current_server, open_server
 STATE = {"eccentricity": 0.0, "orbit": 1, "field": 1.0, "unbalance": 1.0, "playing": True}
 SHEET = RunSheet("Two </script> steps %DATA%", 2, "jeffcott", (
     Step("First", 1, "machine", STATE, "do 1", "see 1", "why 1?", {}),
-    Step("Second", 1, "air gap", STATE | {"eccentricity": 5.0, "dark": True}, "do 2", "see </script>", "why 2?", {})))
+    Step("Second", 1, "air gap", STATE | {"eccentricity": 5.0, "dark": True}, "do 2",
+         "see </script>", "why 2?", {})))
 
 
 def test_before_a_room_it_prints_address_qr_code_and_pin(tmp_path):
-    command = [sys.executable, "-W", "error", "-m", "hydrolab.cli", "show", "jeffcott", "--room", "--host", "127.0.0.1"]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
-                               env=os.environ | {"PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"})
+    command = [sys.executable, "-W", "error", "-m", "hydrolab.cli", "show", "jeffcott", "--room",
+               "--host", "127.0.0.1"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                               cwd=tmp_path,
+                               env=os.environ
+                               | {"PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "utf-8"})
     said = ""
     while "Stop with Ctrl-C" not in said:
         line = process.stdout.readline()
@@ -48,17 +54,20 @@ def test_before_a_room_it_prints_address_qr_code_and_pin(tmp_path):
 def test_the_qr_code_holds_the_modules_in_half_blocks():
     import segno
 
-    halves = {" ": (1, 1), "▀": (0, 1), "▄": (1, 0), "█": (0, 0)}  # light letters on dark: a drawn half is light
+    # light letters on dark: a drawn half is light
+    halves = {" ": (1, 1), "▀": (0, 1), "▄": (1, 0), "█": (0, 0)}
     lines = qr_code("http://192.0.2.7:8080/").splitlines()
     rows = [[halves[c][part] for c in line] for line in lines for part in (0, 1)]
     size = len(segno.make("http://192.0.2.7:8080/", error="m").matrix)
     inner = [row[2:2 + size] for row in rows[2:2 + size]]
     assert inner == [list(row) for row in segno.make("http://192.0.2.7:8080/", error="m").matrix]
-    assert not any(rows[0]) and not any(rows[1]) and not any(row[0] or row[1] or row[-1] or row[-2] for row in rows[:-1])
+    assert not any(rows[0]) and not any(rows[1]) and not any(row[0] or row[1] or row[-1] or row[-2]
+                                                             for row in rows[:-1])
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
-    (["--host", "0.0.0.0"], "which other computers may reach; open it to them with room=True (on the command line: --room)"),
+    (["--host", "0.0.0.0"], "which other computers may reach; open it to them with room=True (on "
+                            "the command line: --room)"),
     (["--host", "203.0.113.9", "--room"], "it is no address of this computer"),
     (["--run-sheet", "none"], "--run-sheet is 'none'; there are 5-minutes, 15-minutes, 45-minutes"),
     (["jeffcott", "--run-sheet", "5-minutes"], "The run sheet is about kaplan-150rpm"),
@@ -69,7 +78,8 @@ def test_the_qr_code_holds_the_modules_in_half_blocks():
     (["--eccentricity", "nan"], "static eccentricity is nan %"),
     (["--orbit", "4"], "orbit is 4; "),
     (["three-disc", "--eccentricity", "3"], "has no air gap"),
-    (["--eccentricity", "3", "--run-sheet", "5-minutes"], "A run sheet sets eccentricity and orbit itself"),
+    (["--eccentricity", "3", "--run-sheet", "5-minutes"], "A run sheet sets eccentricity and orbit "
+                                                          "itself"),
     (["--record", "film.mp4", "--run-sheet", "5-minutes"], "film.mp4"),
 ])
 def test_what_does_not_go_gets_a_sentence_and_2(arguments, words, capsys):
@@ -99,7 +109,8 @@ def test_a_run_sheet_is_recorded_as_one_file_that_asks_for_nothing(tmp_path):
     record_sheet(SHEET, path, turns=1, progress=lambda done, whole: seen.append((done, whole)))
     assert seen == [(1, 2), (2, 2)]
     text = path.read_text(encoding="utf-8")
-    data = json.loads(re.search(r'<script id="data" type="application/json">(.*?)</script>', text, re.DOTALL)[1])
+    data = json.loads(re.search(r'<script id="data" type="application/json">(.*?)</script>', text,
+                                re.DOTALL)[1])
     assert [step["title"] for step in data["steps"]] == ["First", "Second"]
     assert [step["dark"] for step in data["steps"]] == [False, True]
     assert data["steps"][1]["see"] == "see </script>"

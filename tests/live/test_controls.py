@@ -31,9 +31,11 @@ class Settings:
 class Stage:
     """A scene that draws nothing: it keeps its settings as the real one does, and every call."""
 
-    limits: ClassVar = {"static_eccentricity": (0.0, 0.11), "field": (0.8, 1.1), "unbalance": (0.0, 2.0),
+    limits: ClassVar = {"static_eccentricity": (0.0, 0.11), "field": (0.8, 1.1),
+                        "unbalance": (0.0, 2.0),
                         "exaggeration": (1.0, 300.0), "slow_motion": (1.0, 200.0)}
-    views: ClassVar = {"whole machine": ((9.0, 9.0, 3.0), (0.0, 0.0, -4.0)), "generator": ((5.0, 5.0, 2.0), (0.0, 0.0, 0.0)),
+    views: ClassVar = {"whole machine": ((9.0, 9.0, 3.0), (0.0, 0.0, -4.0)),
+                       "generator": ((5.0, 5.0, 2.0), (0.0, 0.0, 0.0)),
                        "from above": ((0.1, 0.0, 12.0), (0.0, 0.0, 0.0))}
     smallest_gap = 7.844e-3
 
@@ -66,8 +68,10 @@ SHEET = RunSheet("A short one", 3, "kaplan-150rpm", (
     Step("First", 1, "generator", STATE | {"eccentricity": 0.0}, "do 1", "see 1", "why 1?", {}),
     Step("Second", 1, "from above", STATE, "do 2", "see 2", "why 2?", {}),
     Step("Third", 1, "generator", STATE | {"orbit": 3}, "do 3", "see <3>", "why 3?", {})))
-SLIDERS = {"static eccentricity, %": ("static_eccentricity", 8.8, 0.088), "field, % of the card's": ("field", 95.0, 0.95),
-           "unbalance, % of the card's": ("unbalance", 50.0, 0.5), "displacements drawn ×": ("exaggeration", 70.0, 70.0),
+SLIDERS = {"static eccentricity, %": ("static_eccentricity", 8.8, 0.088),
+           "field, % of the card's": ("field", 95.0, 0.95),
+           "unbalance, % of the card's": ("unbalance", 50.0, 0.5),
+           "displacements drawn ×": ("exaggeration", 70.0, 70.0),
            "slow motion ÷": ("slow_motion", 40.0, 40.0)}
 SWITCHES = {"play": ("playing", False), "names": ("names", False), "dark": ("dark", True)}
 
@@ -81,7 +85,8 @@ def stage():
 def staged(**options):
     scene, server = Stage(), open_server(port=0)
     controls = Controls(server, scene, **options)
-    return type("Staged", (), {"port": server.get_port(), "scene": scene, "controls": controls, "server": server})
+    return type("Staged", (), {"port": server.get_port(), "scene": scene, "controls": controls,
+                               "server": server})
 
 
 def value_heard(client, uuid):
@@ -102,7 +107,8 @@ def test_every_control_sets_its_setting(stage, raw):
     client = raw(stage.port)
     for label, (name, shown, value) in SLIDERS.items():
         client.set(client.control(label), shown)
-        client.wait(lambda _, n=name, v=value: getattr(stage.scene.settings, n) == pytest.approx(v, abs=1e-12))
+        client.wait(lambda _, n=name, v=value: getattr(stage.scene.settings,
+                                                       n) == pytest.approx(v, abs=1e-12))
     for label, (name, value) in SWITCHES.items():
         client.set(client.control(label), value)
         client.wait(lambda _, n=name, v=value: getattr(stage.scene.settings, n) is v)
@@ -133,9 +139,11 @@ def test_a_fast_drag_ends_on_the_last_value(stage, raw):
     for i in range(1, 301):
         client.set(slider, round(i * 0.03, 2))
     client.wait(lambda _: stage.scene.settings.static_eccentricity == pytest.approx(0.09))
-    moved = [call["static_eccentricity"] for call in stage.scene.calls if "static_eccentricity" in call]
+    moved = [call["static_eccentricity"] for call in stage.scene.calls
+             if "static_eccentricity" in call]
     assert moved == sorted(moved)
-    client.wait(lambda me: "At 9.00 %" in html_shown(me))  # the panel has followed the scene, for all to read
+    # the panel has followed the scene, for all to read
+    client.wait(lambda me: "At 9.00 %" in html_shown(me))
     client.set(client.control("slow motion ÷"), 30)
     client.wait(lambda _: stage.scene.settings.slow_motion == 30)
     assert stage.scene.settings.static_eccentricity == pytest.approx(0.09)
@@ -155,7 +163,8 @@ def test_two_panels_follow_each_other_and_the_scene(stage, raw):
     slow = two.control("slow motion ÷")
     one.set(one.control("slow motion ÷"), 40)
     two.wait(lambda me: value_heard(me, slow) == 40)
-    assert stage.scene.calls == [{"static_eccentricity": pytest.approx(0.088)},  # following sets nothing
+    # following sets nothing
+    assert stage.scene.calls == [{"static_eccentricity": pytest.approx(0.088)},
                                  {"static_eccentricity": 0.05, "names": False}, {"slow_motion": 40}]
 
 
@@ -165,15 +174,18 @@ def test_a_view_moves_only_the_camera_of_the_one_who_clicked(stage, raw):
     one.set(one.control("view"), "generator")
     moved = one.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraPositionMessage"])
     assert list(moved[-1]["position"]) == [5.0, 5.0, 2.0]
-    one.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraLookAtMessage" and not any(m["look_at"])])
+    one.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraLookAtMessage"
+                         and not any(m["look_at"])])
     stage.scene.change(names=False)
     two.wait(lambda me: value_heard(me, names) is False)  # so it has heard all that came before
     assert not [m for m in two.heard if m["type"].startswith("SetCamera")]
     assert stage.scene.calls == [{"names": False}]
 
 
-@pytest.mark.parametrize(("width", "height", "away"), [(640, 400, None), (1600, 400, None), (400, 800, 2.6), (800, 800, 1.3),
-                                                      (0, 0, None), (800, 0, None), (-4, 3, None), (1, 10**9, 1.3 / 0.3)])
+@pytest.mark.parametrize(("width", "height", "away"),
+                         [(640, 400, None), (1600, 400, None), (400, 800, 2.6), (800, 800, 1.3),
+                                                      (0, 0, None), (800, 0, None), (-4, 3, None),
+                          (1, 10**9, 1.3 / 0.3)])
 def test_a_narrow_window_sees_the_whole_view_from_further_away(stage, raw, width, height, away):
     camera = raw.camera | {"image_width": width, "image_height": height}
     client = raw(stage.port, hello=False)
@@ -183,7 +195,8 @@ def test_a_narrow_window_sees_the_whole_view_from_further_away(stage, raw, width
     moved = [m["position"] for m in client.heard if m["type"] == "SetCameraPositionMessage"]
     assert moved == ([] if away is None else [pytest.approx(target + away * (position - target))])
     client.set(client.control("view"), "generator")
-    client.wait(lambda me: len([m for m in me.heard if m["type"] == "SetCameraPositionMessage"]) > len(moved))
+    client.wait(lambda me: len([m for m in me.heard if m["type"] == "SetCameraPositionMessage"])
+                > len(moved))
     again = [m["position"] for m in client.heard if m["type"] == "SetCameraPositionMessage"][-1]
     position, target = map(np.array, stage.scene.views["generator"])
     assert again == pytest.approx(target + (away or 1.0) * (position - target))
@@ -208,7 +221,8 @@ def test_everyone_reads_the_big_number(stage, raw):
     assert "is &lt; 8 mm" in html_shown(client) and 'role="status"' in html_shown(client)
 
 
-# --- before a room ------------------------------------------------------------------------------------------------
+# --- before a room
+# ------------------------------------------------------------------------------------------------
 
 @pytest.fixture
 def room():
@@ -221,7 +235,8 @@ def give(client, digits):
 
 
 def notices(client):
-    return [m["props"]["body"] for m in list(client.heard) if m["type"] == "NotificationShowMessage"]
+    return [m["props"]["body"] for m in list(client.heard)
+            if m["type"] == "NotificationShowMessage"]
 
 
 def test_only_the_pin_gives_controls(room, raw):
@@ -286,10 +301,12 @@ def test_a_presenter_goes_through_the_run_sheet(room, raw):
     assert room.scene.settings.static_eccentricity == 0.0
     presenter.set(turn, "next")
     presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.088))
-    presenter.wait(lambda me: "A short one: step 2 of 3" in html_shown(me) and "do 2" in html_shown(me))
+    presenter.wait(lambda me: "A short one: step 2 of 3" in html_shown(me)
+                   and "do 2" in html_shown(me))
     watcher.wait(lambda me: "why 2?" in html_shown(me))
     assert "do 2" not in html_shown(watcher)
-    camera = presenter.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraPositionMessage"])
+    camera = presenter.wait(lambda me: [m for m in me.heard
+                                        if m["type"] == "SetCameraPositionMessage"])
     assert list(camera[-1]["position"]) == [0.1, 0.0, 12.0]
     assert not [m for m in watcher.heard if m["type"].startswith("SetCamera")]
     for press in ("next", "next", "next"):
@@ -302,11 +319,13 @@ def test_a_presenter_goes_through_the_run_sheet(room, raw):
     presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.088))
     for press in ("back", "back", "back"):
         presenter.set(turn, press)
-    presenter.wait(lambda _: room.controls.place == 0 and room.scene.settings.static_eccentricity == 0)
+    presenter.wait(lambda _: room.controls.place == 0
+                   and room.scene.settings.static_eccentricity == 0)
     assert room.scene.settings.leg == 0
 
 
-# --- the parts ----------------------------------------------------------------------------------------------------
+# --- the parts
+# ----------------------------------------------------------------------------------------------------
 
 def test_the_wait_after_wrong_guesses_doubles_for_each_address_alone():
     clock = [0.0]
@@ -322,7 +341,8 @@ def test_the_wait_after_wrong_guesses_doubles_for_each_address_alone():
     assert "4 more" in pin.check("0", "a")  # a right one clears the account
 
 
-@pytest.mark.parametrize("guess", [None, 314159, "", "31415", "3141590", b"314159", ["314159"], "٣١٤١٥٩", "é" * 6])
+@pytest.mark.parametrize("guess", [None, 314159, "", "31415", "3141590", b"314159", ["314159"],
+                                   "٣١٤١٥٩", "é" * 6])
 def test_only_the_six_digits_are_right(guess):
     assert Pin("314159").check(guess, "a") != ""
 
@@ -333,6 +353,7 @@ def test_pins_are_six_digits_and_not_the_same():
 
 
 def test_words_are_escaped_and_complete():
-    assert "<script>" not in big_number(0.001, "<script>") + room_words(dataclasses.replace(SHEET.steps[0], ask="<script>"))
+    assert "<script>" not in big_number(0.001,
+                                        "<script>") + room_words(dataclasses.replace(SHEET.steps[0], ask="<script>"))
     assert "minute 1 to 2 of 3" in presenter_words(SHEET, 1)
     assert "smallest gap" not in big_number(math.inf, "no gap here")

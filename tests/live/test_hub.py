@@ -1,4 +1,6 @@
-"""The 3D view behind a hub: its address found by itself, through a real Jupyter server with jupyter-server-proxy."""
+"""The 3D view behind a hub: its address found by itself, through a real Jupyter server with
+jupyter-server-proxy.
+"""
 
 import sys
 import urllib.error
@@ -22,10 +24,13 @@ PREFIX = "/user/ada/"
 
 @pytest.fixture(scope="module")
 def jupyter(tmp_path_factory):
-    """The address of a Jupyter server as a hub would start it, ".../user/ada/", with a known token."""
+    """The address of a Jupyter server as a hub would start it, ".../user/ada/", with a known token.
+    """
     folder = tmp_path_factory.mktemp("hub")
-    command = [sys.executable, "-m", "jupyter_server", "--no-browser", "--allow-root", "--ServerApp.ip=127.0.0.1",
-               "--ServerApp.port=0", f"--ServerApp.base_url={PREFIX}", f"--ServerApp.root_dir={folder}",
+    command = [sys.executable, "-m", "jupyter_server", "--no-browser", "--allow-root",
+               "--ServerApp.ip=127.0.0.1",
+               "--ServerApp.port=0", f"--ServerApp.base_url={PREFIX}",
+               f"--ServerApp.root_dir={folder}",
                "--ServerApp.jpserver_extensions={'jupyter_server_proxy': True}"]
     with jupyter_process(command, folder, rf"http://127\.0\.0\.1:[1-9]\d*{PREFIX}\S*") as address:
         yield urlsplit(address).netloc
@@ -49,7 +54,8 @@ def test_without_a_hub_the_address_is_this_computers(monkeypatch):
 def test_the_page_comes_through_the_hub_with_its_token(jupyter, server):
     address = frame_address(server)
     assert address == f"{PREFIX}proxy/{server.get_port()}/"
-    request = urllib.request.Request(f"http://{jupyter}{address}", headers={"Authorization": f"token {TOKEN}"})
+    request = urllib.request.Request(f"http://{jupyter}{address}",
+                                     headers={"Authorization": f"token {TOKEN}"})
     with urllib.request.urlopen(request, timeout=60) as page:
         assert page.status == 200
         text = page.read()
@@ -65,15 +71,18 @@ def test_without_the_token_there_is_no_page(jupyter, server, headers):
 
     opener = urllib.request.build_opener(Stay)
     with pytest.raises(urllib.error.HTTPError) as refused:
-        opener.open(urllib.request.Request(f"http://{jupyter}{frame_address(server)}", headers=headers), timeout=60)
+        opener.open(urllib.request.Request(f"http://{jupyter}{frame_address(server)}",
+                                           headers=headers), timeout=60)
     refused.value.close()
     assert refused.value.code == 403 or "/login" in refused.value.headers["Location"]
 
 
 def websocket(jupyter, server, headers):
     """A connection to the 3D server through the hub, as the page in the frame opens it."""
-    return connect(f"ws://{jupyter}{frame_address(server).removesuffix('/')}", subprotocols=[f"viser-v{viser.__version__}"],
-                   origin=f"http://{jupyter}", additional_headers=headers, compression=None, max_size=None, proxy=None,
+    return connect(f"ws://{jupyter}{frame_address(server).removesuffix('/')}",
+                   subprotocols=[f"viser-v{viser.__version__}"],
+                   origin=f"http://{jupyter}", additional_headers=headers, compression=None,
+                   max_size=None, proxy=None,
                    open_timeout=60)
 
 

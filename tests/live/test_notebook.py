@@ -1,4 +1,6 @@
-"""`show(…)` in a cell: the right machine on the right orbit, and a plain text that is the same every time."""
+"""`show(…)` in a cell: the right machine on the right orbit, and a plain text that is the same
+every time.
+"""
 
 import pytest
 
@@ -57,7 +59,8 @@ def scene_of():
     """The scene of the process's server, by what stops with it."""
     from hydrolab.live import server
 
-    return next(stop.__self__ for stop in server._open.stops if hasattr(getattr(stop, "__self__", None), "shown"))
+    return next(stop.__self__ for stop in server._open.stops
+                if hasattr(getattr(stop, "__self__", None), "shown"))
 
 
 def test_a_branch_is_shown_as_it_was_followed(branch):
@@ -78,7 +81,8 @@ def test_what_cannot_be_shown_gets_a_sentence(unit, branch, make_jeffcott):
     solve = HarmonicBalance(harmonics=4).solve
     for what, words in [
         (model, "A Model cannot be shown in 3D; give a machine, an orbit or a branch"),
-        (solve(model.with_unbalance(0.5), unit.speed, 0.03), "is not of kaplan-150rpm as it stands"),
+        (solve(model.with_unbalance(0.5), unit.speed, 0.03),
+         "is not of kaplan-150rpm as it stands"),
         (solve(make_jeffcott(mass=1e5).model(), unit.speed, 0.03), "is not of jeffcott as it"),
     ]:
         with pytest.raises(BadInput, match=words):

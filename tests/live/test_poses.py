@@ -1,4 +1,5 @@
-"""From orbits to poses: against plain numbers, SciPy's rotations and the machine's own conventions."""
+"""From orbits to poses: against plain numbers, SciPy's rotations and the machine's own conventions.
+"""
 
 import math
 from dataclasses import replace
@@ -69,31 +70,42 @@ def test_seen_from_above_it_turns_clockwise(machine):
 
 
 def test_tilts_against_scipy(where):
-    """θx and θz of the machine are rotations about X and Y of the scene; the spin comes first, about −Z."""
+    """θx and θz of the machine are rotations about X and Y of the scene; the spin comes first,
+    about −Z.
+    """
     for phase in (0.3, 2.0, 5.0):
         motion = where.motion(phase)
         for (_, _, tx, tz), wxyz in zip(motion, quaternions(motion, 70.0, phase), strict=True):
-            true = Rotation.from_rotvec([70 * tx, 70 * tz, 0]) * Rotation.from_rotvec([0, 0, -phase])
+            true = Rotation.from_rotvec([70 * tx, 70 * tz, 0]) * Rotation.from_rotvec([0, 0,
+                                                                                       -phase])
             assert abs(np.dot(np.roll(true.as_quat(), 1), wxyz)) == pytest.approx(1, abs=1e-12)
 
 
 def test_a_body_follows_its_link(machine, where):
-    """The generator's centre drawn is the shaft top drawn, moved along the drawn axis, to first order in the tilt."""
+    """The generator's centre drawn is the shaft top drawn, moved along the drawn axis, to first
+    order in the tilt.
+    """
     at = where.nodes
     motion = where.motion(1.0)
     places, turns = positions(where, motion, 20.0), quaternions(motion, 20.0)
     axis = Rotation.from_quat(np.roll(turns[0], -1)).apply([0, 0, 1])
-    assert places[at] == pytest.approx(places[0] + 0.472 * axis, abs=0.472 * 3 * (20 * np.hypot(*motion[0, 2:])) ** 2)
+    assert places[at] == pytest.approx(places[0] + 0.472 * axis,
+                                       abs=0.472 * 3 * (20 * np.hypot(*motion[0, 2:])) ** 2)
 
 
 @pytest.mark.parametrize("factor", [1.0, 40.0, 90.0])
 def test_contact_on_screen_is_contact_in_the_machine(machine, factor):
-    """A rotor displaced by the whole gap touches the drawn stator, by less leaves the exaggerated rest."""
+    """A rotor displaced by the whole gap touches the drawn stator, by less leaves the exaggerated
+    rest.
+    """
     gap = machine.air_gap
     stator = gap.mean_radius + gap.gap / 2
     rotor = drawn_rotor_radius(stator, gap.gap, factor)
     for displacement in (0.0, 0.3 * gap.gap, gap.gap):
-        assert stator - (rotor + factor * displacement) == pytest.approx(factor * (gap.gap - displacement), abs=1e-12)
+        assert stator - (rotor + factor * displacement) == pytest.approx(factor
+                                                                         * (gap.gap
+                                                                            - displacement),
+                                                                         abs=1e-12)
 
 
 def test_the_tilt_is_kept_small(where):
@@ -104,17 +116,21 @@ def test_the_tilt_is_kept_small(where):
 
 
 def test_rings_are_what_the_shaft_sweeps(where):
-    """In every direction a ring lies the drawn radius beyond the farthest point of the orbit, found here by brute force."""
+    """In every direction a ring lies the drawn radius beyond the farthest point of the orbit, found
+    here by brute force.
+    """
     rings, away = orbit_rings(where, 30.0, 0.2, points=48)
     assert rings.shape == (where.nodes * 48, 2, 3) and away.shape == rings.shape[:2]
     node = 5
     ring = rings[node * 48:(node + 1) * 48]
-    assert ring[0, 0] == pytest.approx(ring[-1, 1]) and set(ring[..., 2].ravel()) == {-where.depths[node]}
+    assert ring[0, 0] == pytest.approx(ring[-1, 1]) and set(ring[...,
+                                                                 2].ravel()) == {-where.depths[node]}
     path = 30 * where.motion(2 * np.pi * np.arange(3600) / 3600)[node, :2]
     for k in range(48):
         u = np.array([math.cos(2 * np.pi * k / 48), math.sin(2 * np.pi * k / 48)])
         assert ring[k, 0, :2] @ u == pytest.approx((path.T @ u).max() + 0.2, abs=1e-6)
-    assert away[node * 48:(node + 1) * 48].max() == pytest.approx(np.hypot(*path).max() / 30, rel=1e-3)
+    assert away[node * 48:(node + 1) * 48].max() == pytest.approx(np.hypot(*path).max() / 30,
+                                                                  rel=1e-3)
 
 
 def test_the_shaft_stays_in_its_rings(where):
@@ -124,7 +140,8 @@ def test_the_shaft_stays_in_its_rings(where):
         for node in range(where.nodes):
             edge = rings[node * 96:(node + 1) * 96, 0, :2]
             angle = 2 * np.pi * np.arange(96) / 96
-            out = np.einsum("kc,kc->k", edge - place[node, :2], np.column_stack([np.cos(angle), np.sin(angle)]))
+            out = np.einsum("kc,kc->k", edge - place[node, :2],
+                            np.column_stack([np.cos(angle), np.sin(angle)]))
             assert out.min() >= 0.2 - 1e-6
 
 
@@ -144,9 +161,11 @@ def test_a_point_mass_bends_a_shaft_held_at_both_ends():
 BLOCK = solids.box(1, 2, 0.5, 0, 1)
 
 
-@pytest.mark.parametrize("solid", [solids.ring(1, 2, 0, 1), solids.ring(1, 2, 0, 1, 0.5, 4.0), BLOCK,
+@pytest.mark.parametrize("solid", [solids.ring(1, 2, 0, 1), solids.ring(1, 2, 0, 1, 0.5, 4.0),
+                                   BLOCK,
                                    solids.blade(0.4, 1.3), solids.tube(0.3, -2, 1, 9),
-                                   solids.joined(BLOCK, solids.turned(solids.moved(BLOCK, x=3), 1))],
+                                   solids.joined(BLOCK,
+                                                 solids.turned(solids.moved(BLOCK, x=3), 1))],
                          ids=["ring", "sector", "box", "blade", "tube", "joined"])
 def test_solids_are_closed_and_face_outwards(solid):
     vertices, faces = solid
@@ -165,4 +184,5 @@ def test_volume_of_a_ring():
 
 def test_bones_share_the_shaft():
     weights = solids.hat_weights(np.array([0.0, 0.25, 2.0, 3.0]), np.array([0.0, 1.0, 3.0]))
-    assert weights == pytest.approx(np.array([[1, 0, 0], [0.75, 0.25, 0], [0, 0.5, 0.5], [0, 0, 1]]))
+    assert weights == pytest.approx(np.array([[1, 0, 0], [0.75, 0.25, 0], [0, 0.5, 0.5],
+                                              [0, 0, 1]]))

@@ -1,4 +1,6 @@
-"""Run sheets: every number that the room is told holds on the shipped card; a sheet that is none gets a sentence."""
+"""Run sheets: every number that the room is told holds on the shipped card; a sheet that is none
+gets a sentence.
+"""
 
 import functools
 import json
@@ -44,7 +46,8 @@ def test_there_are_three_of_the_lengths_that_lectures_have():
 def test_every_number_the_room_is_told_holds(path):
     sheet = load_run_sheet(path)
     for step in sheet.steps:
-        found = facts(sheet_machine(sheet, step), step, legs(sheet.card, step.state["field"], step.state["unbalance"]))
+        found = facts(sheet_machine(sheet, step), step,
+                      legs(sheet.card, step.state["field"], step.state["unbalance"]))
         assert set(found) == set(FACTS)
         said = numbers(step.see)
         for name, value in step.holds.items():
@@ -54,9 +57,11 @@ def test_every_number_the_room_is_told_holds(path):
                 assert found[name] == value, f"{step.title}: {name} is {found[name]}"
                 continue
             digits = len(written[0].partition(".")[2])
-            assert abs(found[name] - value) <= 0.5001 * 10.0**-digits, f"{step.title}: {name} is {found[name]}"
+            assert abs(found[name]
+                       - value) <= 0.5001 * 10.0**-digits, f"{step.title}: {name} is {found[name]}"
         known = {*step.holds.values(), *(v for v in step.state.values() if not isinstance(v, bool))}
-        assert {float(word) for word in said} <= known, f"{step.title}: {step.see!r} says more than holds"
+        assert {float(word)
+                for word in said} <= known, f"{step.title}: {step.see!r} says more than holds"
         assert len(step.holds) >= 2
 
 
@@ -73,7 +78,8 @@ def test_a_shown_orbit_is_one_the_machine_can_be_in(path):
 @pytest.mark.parametrize("path", SHEETS, ids=lambda path: path.stem)
 def test_the_scene_shows_what_a_step_says_forward_and_back(path):
     sheet = load_run_sheet(path)
-    scene = MachineScene(open_server(port=0), load_machine(sheet.card), legs("kaplan-150rpm", 1.0, 1.0).branch)
+    scene = MachineScene(open_server(port=0), load_machine(sheet.card),
+                         legs("kaplan-150rpm", 1.0, 1.0).branch)
     for step in [*sheet.steps, *reversed(sheet.steps)]:
         scene.change(**step.settings)
         branch = legs(sheet.card, step.state["field"], step.state["unbalance"])
@@ -85,7 +91,8 @@ def test_the_scene_shows_what_a_step_says_forward_and_back(path):
 
 
 def test_past_the_fold_the_machine_jumps_and_does_not_come_back_by_itself():
-    scene = MachineScene(open_server(port=0), load_machine("kaplan-150rpm"), legs("kaplan-150rpm", 1.0, 1.0).branch)
+    scene = MachineScene(open_server(port=0), load_machine("kaplan-150rpm"),
+                         legs("kaplan-150rpm", 1.0, 1.0).branch)
     scene.change(static_eccentricity=0.088)
     assert (scene.shown.leg, scene.legs) == (0, (0, 2))
     scene.change(static_eccentricity=0.09)
@@ -98,13 +105,16 @@ def test_past_the_fold_the_machine_jumps_and_does_not_come_back_by_itself():
 
 
 def test_what_the_sheets_say_of_the_shipped_unit_is_what_time_integration_finds():
-    """Two stable orbits at 8.8 %, by a method that knows nothing of harmonics: from beside each, the motion ends there."""
+    """Two stable orbits at 8.8 %, by a method that knows nothing of harmonics: from beside each,
+    the motion ends there.
+    """
     from hydrolab import RungeKutta, integrate
 
     unit = load_machine("kaplan-150rpm")
     branch = legs("kaplan-150rpm", 1.0, 1.0)
     for leg, first in ((0, 647e-6), (2, 1422e-6)):
-        motion = integrate(unit.model(), RungeKutta(rtol=1e-7), speed=unit.speed, static_eccentricity=0.088,
+        motion = integrate(unit.model(), RungeKutta(rtol=1e-7), speed=unit.speed,
+                           static_eccentricity=0.088,
                            revolutions=30, start=branch.orbit(0.088, leg), disturbance=(2e-5, 0.0))
         assert motion.finished
         sine, cosine = motion.coefficients(4)[0, 1:3]
@@ -138,7 +148,8 @@ TOP = 'title = "T"\nminutes = 1\ncard = "kaplan-150rpm"\n'
     (TOP + STEP.replace('cue = "c"\n', ""), "step 1: cue is None"),
     (TOP + STEP.replace('"air gap"', '"moon"'), "camera is 'moon'; there are machine"),
     (TOP + STEP.replace("minutes = 1", "minutes = 2"), "minutes is 1, but its steps take 2"),
-    (TOP + STEP + 'set = { eccentricity = "8" }', "eccentricity is '8'; give a number from 0 to 100"),
+    (TOP + STEP + 'set = { eccentricity = "8" }',
+     "eccentricity is '8'; give a number from 0 to 100"),
     (TOP + STEP + "set = { eccentricity = nan }", "eccentricity is nan"),
     (TOP + STEP + "set = { eccentricity = true }", "eccentricity is True"),
     (TOP + STEP + "set = { orbit = 12 }", "orbit is 12; give a number from 1 to 9"),
@@ -170,7 +181,8 @@ def test_every_step_is_recorded_for_a_hall_without_a_network(path, tmp_path):
     sheet = load_run_sheet(path)
     record_sheet(sheet, tmp_path / "fallback.html", turns=1)
     text = (tmp_path / "fallback.html").read_text(encoding="utf-8")
-    steps = json.loads(re.search(r'<script id="data" type="application/json">(.*?)</script>', text, re.DOTALL)[1])["steps"]
+    steps = json.loads(re.search(r'<script id="data" type="application/json">(.*?)</script>', text,
+                                 re.DOTALL)[1])["steps"]
     assert [step["see"] for step in steps] == [step.see for step in sheet.steps]
     assert all(len(step["scene"]) > 10_000 for step in steps)
     assert len(text) < 5e6

@@ -1,4 +1,6 @@
-"""The 3D scene on a server without a browser: what it builds, what it accepts, how it moves, what a recording holds."""
+"""The 3D scene on a server without a browser: what it builds, what it accepts, how it moves, what a
+recording holds.
+"""
 
 import math
 import re
@@ -62,20 +64,25 @@ def test_bones_bodies_and_stator_are_where_the_orbit_says(shared, kaplan):
         shared.draw(phase)
         place = positions(where, where.motion(phase), 40.0)
         assert bones(shared) == pytest.approx(place[:where.nodes], abs=2e-5)
-        assert shared.nodes.moving["generator"].position == pytest.approx(place[where.nodes], abs=2e-5)
+        assert shared.nodes.moving["generator"].position == pytest.approx(place[where.nodes],
+                                                                          abs=2e-5)
     assert shared.nodes.moving["stator"].position[:2] == pytest.approx(40 * orbit.centre, abs=1e-9)
     assert shared.smallest_gap == pytest.approx(orbit.smallest_gap, rel=1e-6)
 
 
 def test_the_drawn_gap_is_the_gap_times_the_scale(shared, kaplan):
-    """Between the drawn pole faces and the drawn bore, at the closest moment of a turn, measured on the handles."""
+    """Between the drawn pole faces and the drawn bore, at the closest moment of a turn, measured on
+    the handles.
+    """
     shared.change(static_eccentricity=0.088, leg=2, exaggeration=50.0)
     faces = np.asarray(shared.nodes.meshes["painted pole"].vertices)[:, 0].max()
-    assert faces == pytest.approx(drawn_rotor_radius(shared.sizes.stator, kaplan.air_gap.gap, 50.0), abs=1e-6)
+    assert faces == pytest.approx(drawn_rotor_radius(shared.sizes.stator, kaplan.air_gap.gap,
+                                                     50.0), abs=1e-6)
     gaps = []
     for phase in 2 * np.pi * np.arange(360) / 360:
         shared.draw(phase)
-        off = np.subtract(shared.nodes.moving["generator"].position, shared.nodes.moving["stator"].position)[:2]
+        off = np.subtract(shared.nodes.moving["generator"].position,
+                          shared.nodes.moving["stator"].position)[:2]
         gaps.append((shared.sizes.stator - faces - np.hypot(*off)) / 50.0)
     assert min(gaps) == pytest.approx(shared.smallest_gap, abs=1e-6)
 
@@ -115,9 +122,11 @@ def test_past_the_fold_it_jumps_and_says_so(shared):
 
 
 @pytest.mark.parametrize(("wanted", "words"), [
-    ({"static_eccentricity": math.nan}, "finite"), ({"static_eccentricity": "0.05"}, "finite"), ({"leg": 0.5}, "whole"),
+    ({"static_eccentricity": math.nan}, "finite"), ({"static_eccentricity": "0.05"}, "finite"),
+    ({"leg": 0.5}, "whole"),
     ({"leg": True}, "finite"), ({"playing": 1}, "true or false"), ({"view": "moon"}, "there are"),
-    ({"speed": 3.0}, "no setting"), ({"field": None}, "finite"), ({"slow_motion": math.inf}, "finite"),
+    ({"speed": 3.0}, "no setting"), ({"field": None}, "finite"),
+    ({"slow_motion": math.inf}, "finite"),
 ])
 def test_what_is_no_setting_is_refused_and_changes_nothing(shared, wanted, words):
     before = shared.settings
@@ -130,7 +139,8 @@ def test_numbers_are_clamped(shared):
     shared.change(static_eccentricity=99999, field=-3, exaggeration=1e9, slow_motion=0)
     s, limits = shared.settings, shared.limits
     assert (s.static_eccentricity, s.field, s.exaggeration, s.slow_motion) == (
-        limits["static_eccentricity"][1], limits["field"][0], limits["exaggeration"][1], limits["slow_motion"][0])
+        limits["static_eccentricity"][1], limits["field"][0], limits["exaggeration"][1],
+        limits["slow_motion"][0])
     assert shared.factor <= s.exaggeration
     shared.change(static_eccentricity=0.088, field=1.0, exaggeration=50.0, leg=77, slow_motion=8.0)
     assert shared.settings.leg == 2
@@ -144,7 +154,8 @@ def test_the_loop_eases_to_a_new_orbit_and_stops(shared):
         shared.change(static_eccentricity=0.08)
         deadline = time.monotonic() + 60
         while (not (orbit := shared.shown.orbit).centre[0]
-               or np.abs(shared.drawn.coefficients - stations(shared.machine, orbit).coefficients).max() > 1e-7):
+               or np.abs(shared.drawn.coefficients - stations(shared.machine,
+                                                              orbit).coefficients).max() > 1e-7):
             assert time.monotonic() < deadline
             time.sleep(0.01)
         assert shared.shown.orbit.static_eccentricity == pytest.approx(0.08)

@@ -1,4 +1,5 @@
-"""The 3D server: where it listens, one a process, and what it makes of clients that are no browser."""
+"""The 3D server: where it listens, one a process, and what it makes of clients that are no browser.
+"""
 
 import math
 import os
@@ -29,7 +30,9 @@ from hydrolab.live.server import (
 
 @pytest.fixture
 def slider_server():
-    """A server that gives each client one private slider and one button; `heard` is what their callbacks heard."""
+    """A server that gives each client one private slider and one button; `heard` is what their
+    callbacks heard.
+    """
     server = open_server(port=0)
     server.heard, server.sliders, server.clients = [], {}, []
 
@@ -54,7 +57,8 @@ def works(server, raw):
     return True
 
 
-# --- where it listens ---------------------------------------------------------------------------------------------
+# --- where it listens
+# ---------------------------------------------------------------------------------------------
 
 def test_it_listens_on_this_computer_alone():
     server = open_server()
@@ -122,7 +126,8 @@ def test_ctrl_c_ends_a_program_that_waits(tmp_path):
                "server = open_server(port=0)\n"
                "try:\n    print(server.get_port(), flush=True)\n    time.sleep(600)\n"
                "except KeyboardInterrupt:\n    print('stopped')\n")
-    process = subprocess.Popen([sys.executable, "-W", "error", "-c", program], stdout=subprocess.PIPE,
+    process = subprocess.Popen([sys.executable, "-W", "error", "-c", program],
+                               stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE, text=True, cwd=tmp_path, env=os.environ | {
                                    "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)})
     port = int(process.stdout.readline())
@@ -132,9 +137,11 @@ def test_ctrl_c_ends_a_program_that_waits(tmp_path):
     open_server(port=port)  # free again at once, as after a kernel restart
 
 
-# --- what clients may say -----------------------------------------------------------------------------------------
+# --- what clients may say
+# -----------------------------------------------------------------------------------------
 
-NONSENSE = [99999, -1, 10.000001, "7", "", None, True, math.nan, math.inf, -math.inf, [7.0], {"a": 1}, b"7", 2**63]
+NONSENSE = [99999, -1, 10.000001, "7", "", None, True, math.nan, math.inf, -math.inf, [7.0],
+            {"a": 1}, b"7", 2**63]
 
 
 def test_a_control_takes_only_its_own_kind_of_value(slider_server, raw):
@@ -142,7 +149,8 @@ def test_a_control_takes_only_its_own_kind_of_value(slider_server, raw):
     slider, button = client.control("size"), client.control("go")
     for value in NONSENSE:
         assert client.set(slider, value)
-    told = client.wait(lambda me: [m["updates"]["value"] for m in me.heard if m["type"] == "GuiUpdateMessage"])
+    told = client.wait(lambda me: [m["updates"]["value"] for m in me.heard
+                                   if m["type"] == "GuiUpdateMessage"])
     assert set(told) == {5.0}  # the browser is told what the slider is
     for value in (False, 1, "go", None):
         client.set(button, value)
@@ -156,10 +164,12 @@ def test_a_control_takes_only_its_own_kind_of_value(slider_server, raw):
 def test_ids_that_are_not_its_own_are_dropped(slider_server, raw):
     one, other = raw(slider_server.get_port()), raw(slider_server.get_port())
     shared = slider_server.gui.add_slider("everybody's", 0, 10, 1, 5)
-    for uuid in (other.control("size"), shared._impl.uuid, "no such id", "", "x" * 5000, 7, None, ["a"], {}):
+    for uuid in (other.control("size"), shared._impl.uuid, "no such id", "", "x" * 5000, 7, None,
+                 ["a"], {}):
         one.set(uuid, 3.0)
     one.say({"type": "GuiUpdateMessage", "uuid": one.control("size"), "updates": {"update_cb": []}})
-    one.say({"type": "GuiUpdateMessage", "uuid": one.control("size"), "updates": {"value": 3.0, "removed": True}})
+    one.say({"type": "GuiUpdateMessage", "uuid": one.control("size"),
+             "updates": {"value": 3.0, "removed": True}})
     one.say({"type": "GuiUpdateMessage", "uuid": one.control("size"), "updates": [["value", 3.0]]})
     one.set(one.control("size"), 4.0)
     one.wait(lambda _: slider_server.heard)
@@ -177,7 +187,8 @@ def test_a_share_request_reaches_nobody(slider_server, raw, monkeypatch):
     assert works(slider_server, raw)
     assert not asked
     assert not slider_server._websock_server._incoming_handlers
-    theme = client.wait(lambda me: [m for m in me.heard if m["type"] == "ThemeConfigurationMessage"])[-1]
+    theme = client.wait(lambda me: [m for m in me.heard
+                                    if m["type"] == "ThemeConfigurationMessage"])[-1]
     assert theme["show_share_button"] is False
 
 
@@ -201,7 +212,8 @@ def every_other_message():
     for name, kind in sorted(_messages.Message._subclass_from_type_string().items()):
         if name not in ("ViewerCameraMessage", "GuiUpdateMessage"):
             hints = getattr(kind, "__annotations__", {})
-            yield {"type": name} | {field: fill.get(str(hint), None) for field, hint in hints.items()
+            yield {"type": name} | {field: fill.get(str(hint), None)
+                                    for field, hint in hints.items()
                                     if "ClassVar" not in str(hint)}
 
 
@@ -209,7 +221,8 @@ def test_no_other_message_changes_or_stops_anything(slider_server, raw):
     watcher = raw(slider_server.get_port())
     watcher.control("go")
     last = slider_server.scene.add_frame("/last")
-    watcher.wait(lambda me: any(m.get("name") == "/last" for m in me.heard))  # so it has heard all there is
+    # so it has heard all there is
+    watcher.wait(lambda me: any(m.get("name") == "/last" for m in me.heard))
     kept = len(slider_server._websock_server._broadcast_buffer.message_from_id)
     before = len(watcher.heard)
     for message in every_other_message():
@@ -219,15 +232,19 @@ def test_no_other_message_changes_or_stops_anything(slider_server, raw):
     assert works(slider_server, raw)
     assert len(slider_server._websock_server._broadcast_buffer.message_from_id) == kept
     last.visible = False
-    assert watcher.wait(lambda me: [m["type"] for m in me.heard[before:]]) == ["SetSceneNodeVisibilityMessage"]
+    assert watcher.wait(lambda me: [m["type"]
+                                    for m
+                                    in me.heard[before:]]) == ["SetSceneNodeVisibilityMessage"]
 
 
-RUBBISH = [b"", b"\x00", b"\xc1", b"\x91" * 15000, b"\xde\xff\xff", os.urandom(2000), "text, not bytes",
+RUBBISH = [b"", b"\x00", b"\xc1", b"\x91" * 15000, b"\xde\xff\xff", os.urandom(2000),
+           "text, not bytes",
            msgspec.msgpack.encode([1, 2]), msgspec.msgpack.encode({"type": "NoSuchMessage"}),
            msgspec.msgpack.encode({"type": ["a"]}), msgspec.msgpack.encode({"no type": 1}),
            msgspec.msgpack.encode({"type": "ViewerCameraMessage"}),
            msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "a"}),
-           msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "a", "updates": {}, "more": 1})]
+           msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "a", "updates": {},
+                                   "more": 1})]
 
 
 def test_rubbish_costs_its_sender_the_connection_and_nobody_else(slider_server, raw, capfd):
@@ -255,7 +272,8 @@ def test_a_camera_without_sense_is_dropped(slider_server, raw, field):
     handle = slider_server.clients[-1].camera
     before = handle.position.copy(), handle.fov
     several = isinstance(camera[field], list)
-    for value in ([math.nan] * len(camera[field]), [1e300] * len(camera[field])) if several else (math.nan, math.inf):
+    for value in ([math.nan] * len(camera[field]),
+                  [1e300] * len(camera[field])) if several else (math.nan, math.inf):
         client.say(camera | {field: value})
     client.set(client.control("size"), 6.0)
     client.wait(lambda _: slider_server.heard == [6.0])
@@ -280,8 +298,10 @@ def test_a_flood_closes_the_flooding_connection(slider_server, raw):
 
 
 @pytest.mark.parametrize(("origin", "host", "welcome"), [
-    (None, None, True), ("http://127.0.0.1:{port}", None, True), ("http://localhost:{port}", "localhost:{port}", True),
-    ("https://elsewhere.example", None, False), ("http://127.0.0.1:1", None, False), ("null", None, False),
+    (None, None, True), ("http://127.0.0.1:{port}", None, True),
+    ("http://localhost:{port}", "localhost:{port}", True),
+    ("https://elsewhere.example", None, False), ("http://127.0.0.1:1", None, False),
+    ("null", None, False),
     ("http://rebound.example:{port}", "rebound.example:{port}", False),
 ])
 def test_pages_of_others_may_not_connect(slider_server, raw, origin, host, welcome):
@@ -309,7 +329,8 @@ def test_pages_of_others_may_not_connect(slider_server, raw, origin, host, welco
         assert not client.labels()
 
 
-# --- how many -----------------------------------------------------------------------------------------------------
+# --- how many
+# -----------------------------------------------------------------------------------------------------
 
 def test_thirty_clients_and_one_that_never_reads(slider_server, raw):
     port = slider_server.get_port()
@@ -323,17 +344,21 @@ def test_thirty_clients_and_one_that_never_reads(slider_server, raw):
         slider_server.flush()
         time.sleep(0.005)
     for client in clients:
-        client.wait(lambda me: any(m["type"] == "SetPositionMessage" and m["position"][0] == 100.0 for m in me.heard))
+        client.wait(lambda me: any(m["type"] == "SetPositionMessage" and m["position"][0] == 100.0
+                                   for m in me.heard))
     clients[0].set(clients[0].control("size"), 3.0)
     clients[0].wait(lambda _: slider_server.heard == [3.0])
     assert len(current_gate().inside) == 33
     for client in [*deaf, *clients]:
         client.close()
-    clients[0].wait(lambda _: not current_gate().inside and not slider_server._websock_server._client_state_from_id)
+    clients[0].wait(lambda _: not current_gate().inside
+                    and not slider_server._websock_server._client_state_from_id)
 
 
 def can_bind(address):
-    """Whether this computer lets a socket have an address (all of 127.0.0.0/8 on Linux, not elsewhere)."""
+    """Whether this computer lets a socket have an address (all of 127.0.0.0/8 on Linux, not
+    elsewhere).
+    """
     with socket.socket() as probe:
         try:
             probe.bind((address, 0))
@@ -342,16 +367,19 @@ def can_bind(address):
     return True
 
 
-@pytest.mark.skipif(not can_bind("127.0.0.9"), reason="this system has no second loopback address to come from")
+@pytest.mark.skipif(not can_bind("127.0.0.9"), reason="this system has no second loopback address "
+                                                      "to come from")
 def test_a_full_server_says_so_and_opens_when_someone_leaves(raw):
     server = open_server(port=0, viewers=2)
     port, away = server.get_port(), {"source": "127.0.0.9"}
     first, second = raw(port, **away), raw(port, **away)
     first.wait(lambda me: len(server.get_clients()) == 2)
     third = raw(port, **away)
-    notice = third.wait(lambda me: [m for m in me.heard if m["type"] == "NotificationShowMessage"])[0]
+    notice = third.wait(lambda me: [m for m in me.heard
+                                    if m["type"] == "NotificationShowMessage"])[0]
     assert notice["props"]["title"] == "All 2 places are taken"
-    assert {m["type"] for m in third.heard} == {"NotificationShowMessage", "ThemeConfigurationMessage"}  # nothing else
+    assert {m["type"] for m in third.heard} == {"NotificationShowMessage",
+                                                "ThemeConfigurationMessage"}  # nothing else
     for _ in range(200):
         third.say({"type": "ShareUrlRequest"})
     waiting = [raw(port, **away) for _ in range(2)]

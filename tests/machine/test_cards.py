@@ -1,4 +1,6 @@
-"""Machine cards: what ships is right, and a bad card ends in one sentence, whatever is wrong with it."""
+"""Machine cards: what ships is right, and a bad card ends in one sentence, whatever is wrong with
+it.
+"""
 
 import copy
 import datetime
@@ -28,7 +30,8 @@ SHIPPED = ["jeffcott", "kaplan-150rpm", "three-disc", "two-pole"]
 CARDS = {name: read_card(name) for name in SHIPPED}
 UNIT = copy.deepcopy(CARDS["kaplan-150rpm"])  # with round numbers where the calibration has its own
 UNIT["bodies"][0] |= {key: {"value": value, "unit": unit, "source": "assumed"}
-                      for key, value, unit in (("mass", 90, "t"), ("Id", 2.4e5, "kg m^2"), ("Ip", 4e5, "kg m^2"))}
+                      for key, value, unit in (("mass", 90, "t"), ("Id", 2.4e5, "kg m^2"),
+                                               ("Ip", 4e5, "kg m^2"))}
 CARDS["unit"] = UNIT
 RPM = math.pi / 30
 
@@ -78,15 +81,18 @@ def test_shipped_cards_load_and_say_where_each_number_comes_from(name):
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_copied_card_is_the_same_machine(name, tmp_path):
     (tmp_path / "my-unit.toml").write_text(card_text(name), encoding="utf-8")
-    assert str(load_machine(tmp_path / "my-unit.toml")) == str(load_machine(str(tmp_path / "my-unit.toml"))) \
+    assert str(load_machine(tmp_path / "my-unit.toml")) == str(load_machine(str(tmp_path
+                                                                                / "my-unit.toml"))) \
         == str(load_machine(name))
 
 
 def test_kaplan_keeps_what_the_paper_states():
     unit = load_machine("kaplan-150rpm")
     assert unit.speed == 150 * RPM
-    assert len(unit.shaft.nodes) == 13 and unit.shaft.length == 9.04 and (unit.shaft.diameter == 0.71).all()
-    assert (unit.shaft.young, unit.shaft.density, unit.shaft.element) == (2e11, 7850, "lalanne-ferraris")
+    assert len(unit.shaft.nodes) == 13 and unit.shaft.length == 9.04 and (unit.shaft.diameter
+                                                                          == 0.71).all()
+    assert (unit.shaft.young, unit.shaft.density, unit.shaft.element) == (2e11, 7850,
+                                                                          "lalanne-ferraris")
     assert unit.body("generator").offset == -0.472 and unit.body("generator").node == 0
     assert [b.stiffness[0, 0] for b in unit.bearings] == [1.37e9, 1.64e9]
     assert unit.thrust_bearings[0].tilt_stiffness == 5e7
@@ -102,7 +108,8 @@ def test_jeffcott_whirls_on_200_micrometres():
     unit = load_machine("jeffcott")
     model, body, r = unit.model(), unit.bodies[0], 200e-6
     k, c = model.K[0, 0], model.C[0, 0]
-    assert (body.mass, k) == (1.5e5, 2.7e8) and c == pytest.approx(0.02 * math.sqrt(k * body.mass), rel=1e-14)
+    assert (body.mass, k) == (1.5e5, 2.7e8) and c == pytest.approx(0.02 * math.sqrt(k * body.mass),
+                                                                   rel=1e-14)
     pull = unit.air_gap.pull_stiffness * (1 - (r / unit.air_gap.gap) ** 2) ** -1.5
     force = r * math.hypot(k - pull - body.mass * unit.speed**2, c * unit.speed)
     assert body.unbalance * unit.speed**2 == pytest.approx(force, rel=1e-14)
@@ -110,16 +117,20 @@ def test_jeffcott_whirls_on_200_micrometres():
 
 def test_three_disc_rotor_gives_the_published_frequencies():
     machine = load_machine("three-disc")
-    for name, radius, height in (("disc-1", 0.12, 0.05), ("disc-2", 0.2, 0.05), ("disc-3", 0.2, 0.06)):
+    for name, radius, height in (("disc-1", 0.12, 0.05), ("disc-2", 0.2, 0.05),
+                                 ("disc-3", 0.2, 0.06)):
         body = machine.body(name)
-        assert body.mass == pytest.approx(7800 * math.pi * height * (radius**2 - 0.05**2), rel=1e-14)
-        assert body.Id == pytest.approx(body.mass * (3 * (radius**2 + 0.05**2) + height**2) / 12, rel=1e-14)
+        assert body.mass == pytest.approx(7800 * math.pi * height * (radius**2 - 0.05**2),
+                                          rel=1e-14)
+        assert body.Id == pytest.approx(body.mass * (3 * (radius**2 + 0.05**2) + height**2) / 12,
+                                        rel=1e-14)
         assert body.Ip == pytest.approx(body.mass * (radius**2 + 0.05**2) / 2, rel=1e-14)
     model = machine.model()
     identity, zero = np.eye(model.size), np.zeros((model.size, model.size))
     inverse = np.linalg.inv(model.M)
     values = np.linalg.eigvals(np.block([[zero, identity],
-                                         [-inverse @ model.K, -inverse @ model.velocity_matrix(machine.speed)]]))
+                                         [-inverse @ model.K,
+                                          -inverse @ model.velocity_matrix(machine.speed)]]))
     found = np.sort(values.imag[values.imag > 1]) / (2 * math.pi)
     book = [55.408, 67.209, 157.90, 193.71, 249.90, 407.62, 446.62, 622.65, 715.03]
     np.testing.assert_allclose(found[:9], book, rtol=2e-4)
@@ -134,7 +145,9 @@ def test_units_convert_exactly():
     card["bodies"][0]["unbalance"] = {"value": 60_000, "unit": "kg mm", "source": "assumed"}
     unit = machine_from_card(card)
     assert unit.shaft.nodes.tolist() == [0, 0.97, 9.04]
-    assert (unit.bodies[0].mass, unit.bodies[0].phase, unit.bodies[0].unbalance) == (9e4, math.pi / 2, 60)
+    assert (unit.bodies[0].mass, unit.bodies[0].phase, unit.bodies[0].unbalance) == (9e4,
+                                                                                     math.pi / 2,
+                                                                                     60)
 
 
 def test_every_number_of_a_part_has_its_units():
@@ -148,13 +161,15 @@ def test_provenance_prints_and_columns_align():
     assert str(unit.provenance["shaft.diameter"]) == "710 mm  [paper]"
     assert unit.provenance["shaft.diameter"].si.tolist() == [0.71] * 12
     lines = str(unit).splitlines()
-    starts = {line.index(word) for line in lines for word in ("  assumed  ", "  calibrated  ") if word in line}
+    starts = {line.index(word) for line in lines for word in ("  assumed  ", "  calibrated  ")
+              if word in line}
     assert len(starts) == 1 and all(line == line.rstrip() for line in lines)
     assert not any("changed" in line for line in lines)
 
 
 def test_a_scalar_pair_and_matrix_of_stiffness():
-    for value, matrix in ((5, [[5, 0], [0, 5]]), ([5, 6], [[5, 0], [0, 6]]), ([[5, 1], [2, 6]], [[5, 1], [2, 6]])):
+    for value, matrix in ((5, [[5, 0], [0, 5]]), ([5, 6], [[5, 0], [0, 6]]),
+                          ([[5, 1], [2, 6]], [[5, 1], [2, 6]])):
         unit = machine_from_card(edited(["bearings", 0, "stiffness", "value"], value))
         np.testing.assert_array_equal(unit.bearings[0].stiffness, matrix)
 
@@ -167,18 +182,22 @@ MASS = ["bodies", 0, "mass"]
 @pytest.mark.parametrize(("path", "value", "parts"), [
     (MASS, ..., ["bodies.generator.mass is missing", 'mass = { value = …, unit = "kg", source']),
     (MASS, 9e4, ["bodies.generator.mass is 90000.0", "write a number as mass = {"]),
-    ([*MASS, "value"], -90, ["bodies.generator.mass is -90000 kg", "larger than 0 kg", "the card says -90 t"]),
+    ([*MASS, "value"], -90, ["bodies.generator.mass is -90000 kg", "larger than 0 kg",
+                             "the card says -90 t"]),
     ([*MASS, "value"], "heavy", ["bodies.generator.mass is 'heavy'", "a number in t"]),
     ([*MASS, "value"], True, ["bodies.generator.mass is True", "a number in t"]),
     ([*MASS, "value"], math.nan, ["bodies.generator.mass is nan", "finite"]),
-    ([*MASS, "value"], [1, 2], ["bodies.generator.mass is [1000.0, 2000.0]", "a number in kg", "says [1, 2] t"]),
+    ([*MASS, "value"], [1, 2], ["bodies.generator.mass is [1000.0, 2000.0]", "a number in kg",
+                                "says [1, 2] t"]),
     ([*MASS, "value"], ..., ["bodies.generator.mass.value is missing"]),
     ([*MASS, "source"], ..., ["bodies.generator.mass.source is missing"]),
-    ([*MASS, "source"], "guess", ["bodies.generator.mass.source is 'guess'", "paper, Table 1, literature, derived"]),
+    ([*MASS, "source"], "guess", ["bodies.generator.mass.source is 'guess'", "paper, Table 1, "
+                                  "literature, derived"]),
     ([*MASS, "unit"], "lb", ["bodies.generator.mass.unit is 'lb'", "kg, t"]),
     ([*MASS, "unit"], 1, ["bodies.generator.mass.unit is 1", "text"]),
     ([*MASS, "note"], "a\x1b[2Jb", ["bodies.generator.mass.note", "control characters"]),
-    ([*MASS, "sorce"], "paper", ["bodies.generator.mass.sorce = 'paper' is not a key", "the nearest is source"]),
+    ([*MASS, "sorce"], "paper", ["bodies.generator.mass.sorce = 'paper' is not a key",
+                                 "the nearest is source"]),
     (["bodies", 0, "mas"], 1, ["bodies.generator.mas = 1 is not a key", "the nearest is mass"]),
     (["bodies", 0, "Ip", "value"], 5e5, ["bodies.generator.Ip is 500000 kg m^2", "2 Id", "480000"]),
     (["bodies", 0, "name"], ..., ["bodies[0].name is missing"]),
@@ -190,19 +209,25 @@ MASS = ["bodies", 0, "mass"]
     (["bodies"], {"name": "generator"}, ["bodies is {'name': 'generator'}", "[[bodies]]"]),
     (["bodies"], [3], ["bodies is [3]", "[[bodies]]"]),
     (["bodies"], ..., ["air_gap.body is 'generator'", "there is none"]),
-    (["bearings", 0, "node"], 13, ["bearings.generator guide bearing.node is 13, off the shaft", "0 to 12"]),
-    (["bearings", 0, "tilt_stiffness"], {}, ["has both stiffness and tilt_stiffness", "write two bearings"]),
-    (["bearings", 0, "stiffness"], ..., ["neither stiffness (a radial bearing) nor tilt_stiffness"]),
-    (["bearings", 0, "stiffness", "value"], [[[1]]], ["guide bearing.stiffness is [1]", "a number in N/m"]),
+    (["bearings", 0, "node"], 13, ["bearings.generator guide bearing.node is 13, off the shaft",
+                                   "0 to 12"]),
+    (["bearings", 0, "tilt_stiffness"], {}, ["has both stiffness and tilt_stiffness",
+                                             "write two bearings"]),
+    (["bearings", 0, "stiffness"], ...,
+     ["neither stiffness (a radial bearing) nor tilt_stiffness"]),
+    (["bearings", 0, "stiffness", "value"], [[[1]]],
+     ["guide bearing.stiffness is [1]", "a number in N/m"]),
     (["bearings", 1, "damping"], {}, ["bearings.thrust bearing.damping = {} is not a key"]),
     (["shaft"], [1], ["shaft is [1]", "opened by [shaft]"]),
     (["shaft"], ..., ["bodies.turbine.node", "without a shaft"]),
     (["shaft", "element"], "beam", ["shaft.element is 'beam'", "lalanne-ferraris, timoshenko"]),
-    (["shaft", "diameter", "value"], 0, ["shaft.diameter is 0 m", "larger than 0 m", "the card says 0 mm"]),
+    (["shaft", "diameter", "value"], 0, ["shaft.diameter is 0 m", "larger than 0 m",
+                                         "the card says 0 mm"]),
     (["shaft", "nodes", "value"], [], ["shaft.nodes has 0 entries"]),
     (["air_gap", "gap", "value"], 3, ["air_gap.gap is 3 m", "smaller than air_gap.mean_radius"]),
     (["air_gap", "gab"], 3, ["air_gap.gab = 3 is not a key", "the nearest is gap"]),
-    (["damping", "ratio", "value"], 150, ["damping.ratio is 1.5", "smaller than 1", "the card says 150 %"]),
+    (["damping", "ratio", "value"], 150, ["damping.ratio is 1.5", "smaller than 1", "the card says "
+                                          "150 %"]),
     (["speed"], ..., ["speed is missing", 'speed = { value = …, unit = "rad/s"']),
     (["speed", "value"], -150, ["speed is -15.708 rad/s", "at least 0", "the card says -150 rpm"]),
     (["title"], 3, ["title is 3", "text"]),
@@ -211,7 +236,8 @@ MASS = ["bodies", 0, "mass"]
     (["schema"], 2, ["schema is 2", "this hydrolab reads schema 1"]),
     (["schema"], True, ["schema is True"]),
     (["schema"], "1", ["schema is '1'"]),
-    (["colour"], "red", ["colour = 'red' is not a key of the card", "allowed are schema, name, speed, title"]),
+    (["colour"], "red", ["colour = 'red' is not a key of the card", "allowed are schema, name, "
+                         "speed, title"]),
 ])
 def test_a_bad_card_gets_one_sentence(path, value, parts):
     sentence = refusal(edited(path, value))
@@ -224,7 +250,8 @@ def test_inertias_are_optional_only_without_a_shaft():
     assert "bodies.generator.Id is missing" in refusal(edited(["bodies", 0, "Id"], ...))
 
 
-@pytest.mark.parametrize("name", ["kaplan", "Kaplan-150RPM", "", None, 5, "../cards/jeffcott", "kaplan-family", "a\nb"])
+@pytest.mark.parametrize("name", ["kaplan", "Kaplan-150RPM", "", None, 5, "../cards/jeffcott",
+                                  "kaplan-family", "a\nb"])
 def test_an_unknown_name_lists_what_ships(name):
     with pytest.raises(BadInput, match="jeffcott, kaplan-150rpm, three-disc") as caught:
         load_machine(name)
@@ -248,7 +275,8 @@ def test_an_unknown_name_gets_the_nearest():
     (b"a = " + b"[" * 100_000, ["is not TOML"]),
     (b"a = " + b"9" * 10_000, ["is not TOML"]),
     (b"schema = 0x" + b"f" * 10_000, ["schema is", "40000 bits"]),
-    (b"schema = 1\nname = 'x'\n[speed]\nvalue = 0x" + b"f" * 10_000 + b"\nunit = 'rpm'\nsource = 'paper'",
+    (b"schema = 1\nname = 'x'\n[speed]\nvalue = 0x" + b"f" * 10_000 + b"\nunit = 'rpm'\nsource = "
+     b"'paper'",
      ["bad.toml: speed is", "40000 bits"]),
     (b"a." * 90 + b"a = 1", ["schema is missing"]),
     (b"a." * 900_000 + b"a = 1", ["more than 100 dots"]),
@@ -324,7 +352,8 @@ def test_texts_and_numbers_survive_the_file(tmp_path_factory, text, mass):
 
 def places(card, path=()):
     """Every place of a card, as paths."""
-    items = card.items() if isinstance(card, dict) else enumerate(card) if isinstance(card, list) else ()
+    items = card.items() if isinstance(card, dict) else enumerate(card) if isinstance(card,
+                                                                                      list) else ()
     for step, value in items:
         yield (*path, step)
         yield from places(value, (*path, step))
@@ -332,11 +361,16 @@ def places(card, path=()):
 
 PLACES = {name: list(places(card)) for name, card in CARDS.items()}
 JUNK = st.one_of(
-    st.just(...), st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=20), st.binary(max_size=5),
-    st.sampled_from([10**30, 10**400, -10**5000, 1e300, -1e-300, 1e-40, math.nan, -math.inf, "nan", "", "a\nb",
-                     "\x1b[2J", [], {}, [[]], [[1, 2], [3]], [{}], {"value": 1}, datetime.date(2024, 1, 1)]),
-    st.recursive(st.floats() | st.text(max_size=3), lambda inner: st.lists(inner, max_size=3) | st.dictionaries(
-        st.sampled_from(["value", "unit", "source", "name"]) | st.text(max_size=3), inner, max_size=3), max_leaves=6))
+    st.just(...), st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=20),
+    st.binary(max_size=5),
+    st.sampled_from([10**30, 10**400, -10**5000, 1e300, -1e-300, 1e-40, math.nan, -math.inf, "nan",
+                     "", "a\nb",
+                     "\x1b[2J", [], {}, [[]], [[1, 2], [3]], [{}], {"value": 1},
+                     datetime.date(2024, 1, 1)]),
+    st.recursive(st.floats() | st.text(max_size=3),
+                 lambda inner: st.lists(inner, max_size=3) | st.dictionaries(
+        st.sampled_from(["value", "unit", "source", "name"]) | st.text(max_size=3), inner,
+        max_size=3), max_leaves=6))
 
 
 @settings(max_examples=500, deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -351,7 +385,8 @@ def test_a_mutated_card_is_a_machine_or_one_sentence(data):
             for step in path[:-1]:
                 place = place[step]
             if data.draw(st.booleans()) and isinstance(place, dict):
-                place[data.draw(st.text(max_size=8))] = copy.deepcopy(value)  # a key that was not there
+                # a key that was not there
+                place[data.draw(st.text(max_size=8))] = copy.deepcopy(value)
             elif value is ...:
                 del place[path[-1]]
             else:

@@ -1,4 +1,5 @@
-"""The shaft element against textbook matrices, statics, rigid-body mechanics and exact frequencies."""
+"""The shaft element against textbook matrices, statics, rigid-body mechanics and exact frequencies.
+"""
 
 import subprocess
 import sys
@@ -30,7 +31,8 @@ def assembled(element, nodes, diameter, shear_coefficient=KAPPA):
     M, G, K = (np.zeros((4 * len(nodes), 4 * len(nodes))) for _ in range(3))
     for i, length in enumerate(np.diff(nodes)):
         at = slice(4 * i, 4 * i + 8)
-        for whole, part in zip((M, G, K), shaft_element(element, length, E, RHO, area, second_moment, NU,
+        for whole, part in zip((M, G, K), shaft_element(element, length, E, RHO, area,
+                                                        second_moment, NU,
                                                         shear_coefficient), strict=True):
             whole[at, at] += part
     return M, G, K
@@ -87,7 +89,8 @@ def test_both_planes_bend_alike(element):
     # turning by 90° about y takes (x, z, θx, θz) to (z, −x, θz, −θx): a round shaft does not notice
     turn = np.kron(np.eye(2), np.array([[0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1], [0, 0, -1, 0]]))
     for matrix in stock(element):
-        np.testing.assert_allclose(turn.T @ matrix @ turn, matrix, rtol=0, atol=1e-13 * np.abs(matrix).max())
+        np.testing.assert_allclose(turn.T @ matrix @ turn, matrix, rtol=0,
+                                   atol=1e-13 * np.abs(matrix).max())
 
 
 @pytest.mark.parametrize("element", BOTH)
@@ -100,7 +103,8 @@ def test_symmetry_and_definiteness(element):
     scale = np.diag(1 / np.sqrt(np.diag(M)))  # metres and radians on one scale
     assert scipy.linalg.eigvalsh(scale @ M @ scale).min() > 1e-3
     stiffness = scipy.linalg.eigvalsh(scale @ K @ scale)
-    assert np.abs(stiffness[:4]).max() < 1e-12 * stiffness[-1]  # two translations, two tilts, nothing else
+    # two translations, two tilts, nothing else
+    assert np.abs(stiffness[:4]).max() < 1e-12 * stiffness[-1]
     assert stiffness[4] > 1e-3 * stiffness[-1]
 
 
@@ -121,7 +125,8 @@ def test_mass_and_inertia_of_the_rigid_shaft_are_exact(element):
 
 @pytest.mark.parametrize("element", BOTH)
 def test_rigid_gyroscopic_moment_is_that_of_angular_momentum(element):
-    # dH/dt with H = Ip Ω e along the tilting axis e = (−θz, 1, θx): x gets −Ip Ω θ̇z and z gets +Ip Ω θ̇x
+    # dH/dt with H = Ip Ω e along the tilting axis e = (−θz, 1, θx): x gets −Ip Ω θ̇z and z gets +Ip
+    # Ω θ̇x
     _, G, _ = stock(element)
     R = rigid_motions([0, L])
     polar, rates, speed = 2 * RHO * I * L, np.array([0.3, -0.7]), 50.0
@@ -138,7 +143,8 @@ def test_cantilever_under_a_tip_force_is_exact_with_one_element(element, across,
     load = np.zeros(4)
     load[across] = force
     tip = np.linalg.solve(K[4:, 4:], load)
-    assert tip[across] == pytest.approx(force * L**3 / (3 * E * I) + force * L / (KAPPA * SHEAR * A), rel=1e-13)
+    assert tip[across] == pytest.approx(force * L**3 / (3 * E * I) + force * L
+                                        / (KAPPA * SHEAR * A), rel=1e-13)
     assert tip[tilt] == pytest.approx(sign * force * L**2 / (2 * E * I), rel=1e-13)
 
 
@@ -160,11 +166,14 @@ def test_slender_beam_frequencies(element, support, roots):
 
 
 def rotating_simply_supported(element, count, speed, shear_coefficient):
-    """Signed frequencies (+ forward) of the paper's shaft on two pins, by a route that has no `modes` in it."""
+    """Signed frequencies (+ forward) of the paper's shaft on two pins, by a route that has no
+    `modes` in it.
+    """
     M, G, K = assembled(element, np.linspace(0, 9.04, count + 1), 0.71, shear_coefficient)
     free = np.setdiff1d(np.arange(len(M)), [0, 1, len(M) - 4, len(M) - 3])
     M, G, K = (m[np.ix_(free, free)] for m in (M, G, K))
-    # K φ = ω² M φ − iωΩ G φ linearised as a Hermitian pencil in (ωφ, φ), so that ω is real without a filter
+    # K φ = ω² M φ − iωΩ G φ linearised as a Hermitian pencil in (ωφ, φ), so that ω is real without
+    # a filter
     zero = np.zeros_like(M)
     left = np.block([[-1j * speed * G, K], [K, zero]])
     right = np.block([[M, zero], [zero, K]])
@@ -172,14 +181,17 @@ def rotating_simply_supported(element, count, speed, shear_coefficient):
 
 
 def exact_simply_supported(n, speed, kappa):
-    """Lowest forward (+) and backward (−) frequency: Timoshenko with gyroscopic terms, κ = ∞ gives Rayleigh."""
+    """Lowest forward (+) and backward (−) frequency: Timoshenko with gyroscopic terms, κ = ∞ gives
+    Rayleigh.
+    """
     area, second_moment, k = pi / 4 * 0.71**2, pi / 64 * 0.71**4, n * pi / 9.04
     ei, ra, ri = E * second_moment, RHO * area, RHO * second_moment
     if np.isinf(kappa):
         roots = np.roots([ra + ri * k**2, -2 * ri * k**2 * speed, -ei * k**4])
     else:
         s = kappa * SHEAR * area
-        roots = np.polysub(np.polymul([-ra, 0, s * k**2], [-ri, 2 * ri * speed, ei * k**2 + s]), [(s * k) ** 2])
+        roots = np.polysub(np.polymul([-ra, 0, s * k**2], [-ri, 2 * ri * speed, ei * k**2 + s]),
+                           [(s * k) ** 2])
         roots = np.roots(roots)
     roots = np.sort(roots.real)
     return roots[roots > 0].min(), roots[roots < 0].max()
@@ -190,7 +202,8 @@ def nearest(values, target):
 
 
 @pytest.mark.parametrize("speed, n, forward_hz, backward_hz", [
-    (150 * pi / 30, 1, 17.1033, 17.0848), (150 * pi / 30, 2, 66.9655, 66.8966), (150 * pi / 30, 3, 145.765, 145.626),
+    (150 * pi / 30, 1, 17.1033, 17.0848), (150 * pi / 30, 2, 66.9655, 66.8966),
+    (150 * pi / 30, 3, 145.765, 145.626),
     (500.0, 1, 17.3915, 16.8014), (500.0, 2, 68.0343, 65.8426), (500.0, 3, 147.906, 143.506)])
 def test_rotating_simply_supported_shaft(speed, n, forward_hz, backward_hz):
     kappa = 0.88636
@@ -204,19 +217,22 @@ def test_rotating_simply_supported_shaft(speed, n, forward_hz, backward_hz):
 @pytest.mark.parametrize("element, shear_coefficient, order", [
     ("lalanne-ferraris", NO_SHEAR, 4), ("timoshenko", NO_SHEAR, 4), ("timoshenko", 0.88636, 2)])
 def test_order_of_convergence(element, shear_coefficient, order):
-    # Hermite cubics: h⁴. With shear, w is exact for end loads only and the inertia loads cost (r h)² k⁴, so h².
+    # Hermite cubics: h⁴. With shear, w is exact for end loads only and the inertia loads cost (r
+    # h)² k⁴, so h².
     speed, n = 500.0, 2
     kappa = np.inf if shear_coefficient == NO_SHEAR else shear_coefficient
     for exact in exact_simply_supported(n, speed, kappa):
         counts = np.array([4, 6, 8, 12, 16]) if order == 4 else np.array([16, 24, 32, 48])
-        errors = [abs(nearest(rotating_simply_supported(element, c, speed, shear_coefficient), exact) / exact - 1)
+        errors = [abs(nearest(rotating_simply_supported(element, c, speed, shear_coefficient),
+                              exact) / exact - 1)
                   for c in counts]
         slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
         assert slope == pytest.approx(-order, abs=0.1)
 
 
 def test_without_shear_the_two_elements_are_one():
-    for a, b in zip(stock("lalanne-ferraris", NO_SHEAR), stock("timoshenko", NO_SHEAR), strict=True):
+    for a, b in zip(stock("lalanne-ferraris", NO_SHEAR), stock("timoshenko", NO_SHEAR),
+                    strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-11)
     assert not np.allclose(stock("lalanne-ferraris")[0], stock("timoshenko")[0], rtol=1e-3)
 
@@ -237,7 +253,8 @@ def test_what_is_displayed_is_what_runs():
     M, G, K = elements.element_matrices_symbolic("timoshenko")
     numbers = {c.L: L, c.Phi: PHI, c.E: E, c.rho: RHO, c.A: A, c.I: I}
     for symbolic, numeric in zip((M, G, K), stock("timoshenko"), strict=True):
-        np.testing.assert_allclose(np.array(symbolic.subs(numbers).tolist(), dtype=float), numeric, rtol=1e-12)
+        np.testing.assert_allclose(np.array(symbolic.subs(numbers).tolist(), dtype=float), numeric,
+                                   rtol=1e-12)
 
 
 def test_an_unknown_element_is_refused_in_a_sentence():

@@ -1,4 +1,6 @@
-"""Tilted pull, pads, short film and crack: defining integrals, derivatives, energies, limits and published formulas."""
+"""Tilted pull, pads, short film and crack: defining integrals, derivatives, energies, limits and
+published formulas.
+"""
 
 import math
 
@@ -14,12 +16,15 @@ from hydrolab.machine.pull import CircularPull, ShapedPull, TiltedPull
 G0, HEIGHT = 0.011, 0.97
 UPRIGHT = CircularPull(1.65e8, G0)
 TILTED = TiltedPull(UPRIGHT, HEIGHT)
-OVAL = TiltedPull(ShapedPull(1.65e8, G0, G0 * (1 + 0.1 * np.cos(4 * np.pi * np.arange(128) / 128))), HEIGHT)
+OVAL = TiltedPull(ShapedPull(1.65e8, G0, G0 * (1 + 0.1
+                                               * np.cos(4 * np.pi * np.arange(128) / 128))), HEIGHT)
 PADS = Pads(stiffness=4e8, clearance=1.5e-4, count=8, angle=0.2, rounding=1e-5, reference=1.6e9)
 FILM = ShortFilm(damping=2.3e7, clearance=2e-4, reference=3e8)
 SPEED = 15.7
 CRACK = BreathingCrack(loss=4e8, phase=0.4, rounding=1e-7)
-LEANS = np.random.default_rng(1).uniform(-1, 1, (4, 7)) * np.array([0.3 * G0, 0.3 * G0, 0.5 * G0, 0.5 * G0])[:, None]
+LEANS = np.random.default_rng(1).uniform(-1, 1,
+                                         (4, 7)) * np.array([0.3 * G0, 0.3 * G0, 0.5 * G0,
+                                                             0.5 * G0])[:, None]
 
 
 def differences(force, at, step):
@@ -33,7 +38,8 @@ def test_a_leaning_rotor_is_pulled_by_the_integral_over_its_height(law):
     for u in LEANS[:, :3].T:
         def at(s, i, u=u):
             return law.upright.force(u[:2] + s * u[2:])[i]
-        expected = [quad(lambda s, i=i, arm=arm: at(s, i) * s**arm, -HEIGHT / 2, HEIGHT / 2, epsabs=0, epsrel=1e-12)[0]
+        expected = [quad(lambda s, i=i, arm=arm: at(s, i) * s**arm, -HEIGHT / 2, HEIGHT / 2,
+                         epsabs=0, epsrel=1e-12)[0]
                     / HEIGHT for arm in (0, 1) for i in (0, 1)]
         assert np.abs(law.force(u) - expected).max() < 1e-10 * np.abs(expected).max()
 
@@ -54,7 +60,8 @@ def test_an_upright_rotor_feels_the_plain_pull():
 
 def test_a_small_lean_is_pulled_over_by_h_squared_over_twelve():
     _, slope = TILTED.linearise(np.zeros(4))
-    assert slope == pytest.approx(1.65e8 * np.diag([1, 1, HEIGHT**2 / 12, HEIGHT**2 / 12]), rel=1e-13, abs=1e-3)
+    assert slope == pytest.approx(1.65e8 * np.diag([1, 1, HEIGHT**2 / 12, HEIGHT**2 / 12]),
+                                  rel=1e-13, abs=1e-3)
 
 
 def test_tilted_pull_comes_from_its_energy():
@@ -94,7 +101,8 @@ def test_pads_come_from_their_energy():
 
 def test_a_sharp_pad_pushes_back_by_its_stiffness_times_what_is_pressed_in():
     sharp = Pads(4e8, 1.5e-4, 4, 0.0, 1e-12)
-    assert sharp.force(np.array([0.0, 1.9e-4])) == pytest.approx([0, -4e8 * 0.4e-4], rel=1e-6, abs=1e-3)
+    assert sharp.force(np.array([0.0, 1.9e-4])) == pytest.approx([0, -4e8 * 0.4e-4], rel=1e-6,
+                                                                 abs=1e-3)
     assert np.abs(sharp.force(np.array([0.5e-4, 1.0e-4]))).max() < 1e-5
 
 
@@ -106,7 +114,9 @@ def test_pads_under_preload_are_a_linear_bearing():
 
 # The film: states with eccentricities up to 0.9 and velocities of either sign.
 RANDOM = np.random.default_rng(3)
-PLACES = FILM.clearance * np.linspace(0.05, 0.9, 9) * np.array([np.sin(a := RANDOM.uniform(0, 7, 9)), np.cos(a)])
+PLACES = FILM.clearance * np.linspace(0.05, 0.9,
+                                      9) * np.array([np.sin(a := RANDOM.uniform(0, 7, 9)),
+                                                     np.cos(a)])
 RATES = RANDOM.uniform(-2e-3, 2e-3, (2, 9))
 
 
@@ -116,14 +126,17 @@ def test_film_is_the_integral_of_the_pressure_that_pushes():
     for (x, z), (vx, vz) in zip(PLACES.T, RATES.T, strict=True):
         def film_force(phi, i, x=x, z=z, vx=vx, vz=vz):
             gap = c - x * math.sin(phi) - z * math.cos(phi)
-            rise = -vx * math.sin(phi) - vz * math.cos(phi) + SPEED / 2 * (z * math.sin(phi) - x * math.cos(phi))
-            # ∂/∂y (h³/(12 µ) ∂p/∂y) = ∂h/∂t + (Ω/2) ∂h/∂φ, with p = 0 at both ends, integrated over y by Simpson's rule
+            rise = -vx * math.sin(phi) - vz * math.cos(phi) + SPEED / 2 * (z * math.sin(phi) - x
+                                                                           * math.cos(phi))
+            # ∂/∂y (h³/(12 µ) ∂p/∂y) = ∂h/∂t + (Ω/2) ∂h/∂φ, with p = 0 at both ends, integrated over
+            # y by Simpson's rule
             middle = -12 * viscosity * rise / gap**3 * length**2 / 8
             line = max(middle, 0.0) * length * 4 / 6
             return -line * radius * (math.sin, math.cos)[i](phi)
         turn = math.atan2(vx - SPEED / 2 * z, vz + SPEED / 2 * x)
         ends = [turn - math.pi / 2, turn + math.pi / 2]
-        expected = [quad(film_force, *ends, args=(i,), epsabs=0, epsrel=1e-11, limit=200)[0] for i in (0, 1)]
+        expected = [quad(film_force, *ends, args=(i,), epsabs=0, epsrel=1e-11, limit=200)[0]
+                    for i in (0, 1)]
         whole = [quad(film_force, ends[1], ends[0] + 2 * math.pi, args=(i,))[0] for i in (0, 1)]
         assert np.abs(whole).max() == 0  # the other half bears nothing
         found = film.force_at(np.array([x, z]), np.array([vx, vz]), 0.0, SPEED)
@@ -136,7 +149,8 @@ def test_derivatives_of_the_film():
     by_place = differences(lambda u: FILM.force_at(u, RATES, 0.0, SPEED), PLACES, 1e-10)
     by_velocity = differences(lambda v: FILM.force_at(PLACES, v, 0.0, SPEED), RATES, 1e-8)
     assert (np.abs(place - by_place).max(axis=(0, 1)) < 2e-5 * np.abs(place).max(axis=(0, 1))).all()
-    assert (np.abs(velocity - by_velocity).max(axis=(0, 1)) < 2e-6 * np.abs(velocity).max(axis=(0, 1))).all()
+    assert (np.abs(velocity - by_velocity).max(axis=(0, 1)) < 2e-6
+            * np.abs(velocity).max(axis=(0, 1))).all()
 
 
 def test_a_centred_film_is_a_linear_bearing():
@@ -158,12 +172,15 @@ def test_steady_load_of_dubois_and_ocvirk():
     fx, fz = film.force_at(np.array([0.0, eccentricity * FILM.clearance]), np.zeros(2), 0.0, SPEED)
     load = FILM.damping * FILM.clearance * SPEED
     assert fz == pytest.approx(-load * eccentricity**2 / (1 - eccentricity**2) ** 2, rel=1e-12)
-    assert abs(fx) == pytest.approx(load * math.pi / 4 * eccentricity / (1 - eccentricity**2) ** 1.5, rel=1e-12)
+    assert abs(fx) == pytest.approx(load * math.pi / 4 * eccentricity
+                                    / (1 - eccentricity**2) ** 1.5, rel=1e-12)
 
 
 @pytest.mark.parametrize("eccentricity", [0.1, 0.4, 0.8])
 def test_eight_coefficients_of_the_short_bearing(eccentricity):
-    """Closed form in Friswell, Penny, Garvey and Lees (2010), section 5.5.1, in axes along the load and across it."""
+    """Closed form in Friswell, Penny, Garvey and Lees (2010), section 5.5.1, in axes along the load
+    and across it.
+    """
     film, e2, pi2 = ShortFilm(FILM.damping, FILM.clearance), eccentricity**2, math.pi**2
     at = np.array([0.0, eccentricity * FILM.clearance])
     force, place, velocity = film.linearise_at(at, np.zeros(2), 0.0, SPEED)
@@ -174,15 +191,19 @@ def test_eight_coefficients_of_the_short_bearing(eccentricity):
     root = math.sqrt(1 - e2)
     h0 = 1 / (pi2 * (1 - e2) + 16 * e2) ** 1.5
     stiffness = load / film.clearance * h0 * np.array([
-        [4 * (pi2 * (2 - e2) + 16 * e2), math.pi * (pi2 * (1 - e2) ** 2 - 16 * e2**2) / (eccentricity * root)],
+        [4 * (pi2 * (2 - e2) + 16 * e2), math.pi * (pi2 * (1 - e2) ** 2 - 16 * e2**2)
+         / (eccentricity * root)],
         [-math.pi * (pi2 * (1 - e2) * (1 + 2 * e2) + 32 * e2 * (1 + e2)) / (eccentricity * root),
          4 * (pi2 * (1 + 2 * e2) + 32 * e2 * (1 + e2) / (1 - e2))]])
     damping = load / film.clearance / SPEED * h0 * np.array([
-        [2 * math.pi * root * (pi2 * (1 + 2 * e2) - 16 * e2) / eccentricity, -8 * (pi2 * (1 + 2 * e2) - 16 * e2)],
-        [-8 * (pi2 * (1 + 2 * e2) - 16 * e2), 2 * math.pi * (pi2 * (1 - e2) ** 2 + 48 * e2) / (eccentricity * root)]])
+        [2 * math.pi * root * (pi2 * (1 + 2 * e2) - 16 * e2) / eccentricity,
+         -8 * (pi2 * (1 + 2 * e2) - 16 * e2)],
+        [-8 * (pi2 * (1 + 2 * e2) - 16 * e2),
+         2 * math.pi * (pi2 * (1 - e2) ** 2 + 48 * e2) / (eccentricity * root)]])
     found = -axes.T @ place @ axes, -axes.T @ velocity @ axes
     for ours, theirs in zip(found, (stiffness, damping), strict=True):
-        mirrored = ours * np.array([[1, -1], [-1, 1]])  # the book's spin may turn the other way across the load
+        # the book's spin may turn the other way across the load
+        mirrored = ours * np.array([[1, -1], [-1, 1]])
         error = min(np.abs(m - theirs).max() for m in (ours, mirrored))
         assert error < 1e-9 * np.abs(theirs).max()
 
@@ -193,7 +214,8 @@ PHASES = np.linspace(0, 6, 8)
 
 def test_slope_of_the_crack_at_any_phase():
     force, slope, damping = CRACK.linearise_at(TILTS, np.zeros_like(TILTS), PHASES, SPEED)
-    assert force == pytest.approx(CRACK.force_at(TILTS, np.zeros_like(TILTS), PHASES, SPEED), rel=1e-14)
+    assert force == pytest.approx(CRACK.force_at(TILTS, np.zeros_like(TILTS), PHASES, SPEED),
+                                  rel=1e-14)
     by_place = differences(lambda u: CRACK.force_at(u, u, PHASES, SPEED), TILTS, 1e-10)
     assert np.abs(slope - by_place).max() < 1e-6 * np.abs(slope).max()
     assert not damping.any()
@@ -204,11 +226,14 @@ def test_a_crack_is_closed_on_the_pressed_side_and_a_slot_never_is():
     slot = BreathingCrack(4e8, breathes=False)
     towards = 1e-5 * np.array([np.sin(PHASES), np.cos(PHASES)])
     nothing = np.zeros_like(towards)
-    # A shaft whose slope grows towards the crack is pressed there (concave side); the other way it is pulled.
+    # A shaft whose slope grows towards the crack is pressed there (concave side); the other way it
+    # is pulled.
     assert np.abs(sharp.force_at(towards, nothing, PHASES, SPEED)).max() < 1e-5
-    assert sharp.force_at(-towards, nothing, PHASES, SPEED) == pytest.approx(-4e8 * towards, rel=1e-8)
+    assert sharp.force_at(-towards, nothing, PHASES, SPEED) == pytest.approx(-4e8 * towards,
+                                                                             rel=1e-8)
     assert slot.force_at(towards, nothing, PHASES, SPEED) == pytest.approx(4e8 * towards, rel=1e-12)
-    half = (sharp.force_at(TILTS, nothing, PHASES, SPEED) - sharp.force_at(-TILTS, nothing, PHASES, SPEED))
+    half = (sharp.force_at(TILTS, nothing, PHASES, SPEED) - sharp.force_at(-TILTS, nothing, PHASES,
+                                                                           SPEED))
     assert half == pytest.approx(slot.force_at(TILTS, nothing, PHASES, SPEED), rel=1e-6, abs=1e-4)
 
 
@@ -217,14 +242,18 @@ def test_a_shallow_crack_is_as_flexible_as_an_edge_crack_in_a_plate():
     depth = 1e-4
     a = 2 * R * depth
     # c → 32 (1 − ν²)/(π E R⁸) · 1.122² R² ∫ α²/2 dx with α = a − x²/(2R)
-    expected = 32 * (1 - nu**2) / (math.pi * E * R**8) * 1.122**2 * R**2 * (16 / 15 * a**2 * math.sqrt(2 * R * a)) / 2
+    expected = 32 * (1 - nu**2) / (math.pi * E * R**8) * 1.122**2 * R**2 * (16 / 15 * a**2
+                                                                            * math.sqrt(2 * R
+                                                                                        * a)) / 2
     assert crack_flexibility(depth, E, nu, R) == pytest.approx(expected, rel=2e-3)
     assert crack_flexibility(0.0, E, nu, R) == 0
 
 
 @pytest.mark.parametrize("element", ["lalanne-ferraris", "timoshenko"])
 def test_an_open_crack_adds_its_angle_to_a_cantilever(element):
-    """Castigliano: a crack of flexibility c in the middle adds c M to the slope of the end and c P a² to its place."""
+    """Castigliano: a crack of flexibility c in the middle adds c M to the slope of the end and c P
+    a² to its place.
+    """
     E, nu, R, L = 2e11, 0.3, 0.355, 0.7
     rigidity, flexibility = E * math.pi / 4 * R**4, crack_flexibility(0.3, 2e11, 0.3, 0.355)
     _, _, K = shaft_element(element, L, E, 7850.0, math.pi * R**2, math.pi / 4 * R**4, nu, 0.9)

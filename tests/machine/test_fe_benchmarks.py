@@ -1,8 +1,9 @@
 """Whole machines against published rotors and rigid-body mechanics.
 
-Sources: M. I. Friswell et al., Dynamics of Rotating Machines, 2010, section 5.9 (the printed digits, and the
-same cases recomputed with the independent code ROSS 3.1.0); M. Lalanne and G. Ferraris, Rotordynamics
-Prediction in Engineering, 1990 (the three-disc rotor); a rotor of hydropower size computed with ROSS 3.1.0.
+Sources: M. I. Friswell et al., Dynamics of Rotating Machines, 2010, section 5.9 (the printed
+digits, and the same cases recomputed with the independent code ROSS 3.1.0); M. Lalanne and G.
+Ferraris, Rotordynamics Prediction in Engineering, 1990 (the three-disc rotor); a rotor of
+hydropower size computed with ROSS 3.1.0.
 """
 
 from dataclasses import replace
@@ -45,7 +46,8 @@ def three_discs(element, shear_coefficient, refine=1):
     shaft = Shaft(nodes, 0.1, 2e11, 7800, 0.3, shear_coefficient, element)
     discs = tuple(disc(f"disc {node}", node * refine, 2 * radius, 0.1, thickness, 7800)
                   for node, radius, thickness in ((2, 0.12, 0.05), (5, 0.2, 0.05), (10, 0.2, 0.06)))
-    bearings = tuple(RadialBearing(f"bearing {node}", node * refine, [5e7, 7e7], [500, 700]) for node in (0, 13))
+    bearings = tuple(RadialBearing(f"bearing {node}", node * refine, [5e7, 7e7], [500, 700])
+                     for node in (0, 13))
     return Machine("three discs", 25000 * RPM, shaft, discs, bearings)
 
 
@@ -53,7 +55,8 @@ def hydro():
     shaft = Shaft(np.linspace(0, 9.04, 13), 0.71, 2e11, 7850, 0.3, cowper(0.3), "timoshenko")
     bodies = RigidBody("generator", 0, 1.5e5, 3e5, 5e5), RigidBody("turbine", 12, 5e4, 4e4, 6e4)
     bearings = RadialBearing("upper", 1, 1.37e9), RadialBearing("lower", 11, 1.64e9)
-    return Machine("hydro size", 150 * RPM, shaft, bodies, bearings, (ThrustBearing("thrust", 6, 5e7),))
+    return Machine("hydro size", 150 * RPM, shaft, bodies, bearings,
+                   (ThrustBearing("thrust", 6, 5e7),))
 
 
 def pairs(*values):
@@ -62,8 +65,10 @@ def pairs(*values):
 
 def test_disc_inertias():
     d1, d2 = friswell(1e6).bodies
-    np.testing.assert_allclose([d1.mass, d1.Id, d1.Ip], [32.58972765, 0.17808928257, 0.32956362089], rtol=1e-9)
-    np.testing.assert_allclose([d2.mass, d2.Id, d2.Ip], [51.52526111, 0.42358058405, 0.80508220487], rtol=1e-9)
+    np.testing.assert_allclose([d1.mass, d1.Id, d1.Ip],
+                               [32.58972765, 0.17808928257, 0.32956362089], rtol=1e-9)
+    np.testing.assert_allclose([d2.mass, d2.Id, d2.Ip],
+                               [51.52526111, 0.42358058405, 0.80508220487], rtol=1e-9)
 
 
 @pytest.mark.parametrize("stiffness, rpm, printed, recomputed", [
@@ -84,9 +89,12 @@ def test_friswell_undamped(stiffness, rpm, printed, recomputed):
 
 
 @pytest.mark.parametrize("rpm, recomputed, natural_hz", [
-    (0, pairs(-4.42383 + 87.25794j, -78.24083 + 292.42277j, -566.54038 + 648.5814j), pairs(13.91, 48.18, 137.06)),
-    (4000, [-4.08308 + 85.96581j, -4.74174 + 88.41471j, -74.10177 + 263.78635j, -78.81042 + 318.23504j,
-            -402.59086 + 655.01204j, -667.23754 + 663.89967j], [13.70, 14.09, 43.61, 52.18, 122.37])])
+    (0, pairs(-4.42383 + 87.25794j, -78.24083 + 292.42277j, -566.54038 + 648.5814j),
+     pairs(13.91, 48.18, 137.06)),
+    (4000, [-4.08308 + 85.96581j, -4.74174 + 88.41471j, -74.10177 + 263.78635j,
+            -78.81042 + 318.23504j,
+            -402.59086 + 655.01204j, -667.23754 + 663.89967j],
+     [13.70, 14.09, 43.61, 52.18, 122.37])])
 def test_friswell_damped(rpm, recomputed, natural_hz):
     found = modes(friswell(1e6, 3e3).model(), rpm * RPM)
     np.testing.assert_allclose(found.eigenvalues[:6], recomputed, rtol=2e-7)
@@ -128,21 +136,26 @@ def test_hydro_size_without_shear_and_rotary_inertia_of_the_shaft():
     area, second_moment = pi / 4 * 0.71**2, pi / 64 * 0.71**4
     for i in range(12):
         at = slice(4 * i, 4 * i + 8)
-        m, _, k = shaft_element("timoshenko", 9.04 / 12, 2e11, 7850, area, second_moment, 0.3, cowper(0.3))
+        m, _, k = shaft_element("timoshenko", 9.04 / 12, 2e11, 7850, area, second_moment, 0.3,
+                                cowper(0.3))
         light, _, _ = shaft_element("lalanne-ferraris", 9.04 / 12, 2e11, 7850, area, 0.0, 0.3, 1e14)
-        _, _, stiff = shaft_element("lalanne-ferraris", 9.04 / 12, 2e11, 7850, area, second_moment, 0.3, 1e14)
+        _, _, stiff = shaft_element("lalanne-ferraris", 9.04 / 12, 2e11, 7850, area, second_moment,
+                                    0.3, 1e14)
         M[at, at] += light - m
         K[at, at] += stiff - k
     found = modes(replace(model, M=M, K=K))
-    np.testing.assert_allclose(found.hertz[:8], pairs(6.686452, 14.432676, 17.791273, 29.956247), rtol=1e-7)
+    np.testing.assert_allclose(found.hertz[:8], pairs(6.686452, 14.432676, 17.791273, 29.956247),
+                               rtol=1e-7)
 
 
 @pytest.mark.parametrize("offset", [-0.472, 0.0, 0.9])
 def test_a_body_on_an_offset_has_the_exact_rigid_body_mass_matrix(offset):
     shaft = Shaft([0.0, 1.0], 0.2, 2e11, 7850)
     body = RigidBody("disc", 1, 1000.0, 300.0, 500.0, offset)
-    with_body, without = Machine("a", 0.0, shaft, (body,)).model(), Machine("b", 0.0, shaft, ()).model()
-    # velocity of the centre v + ω × r and the spin-free ω = (θ̇x, 0, θ̇z), from unit rates, by cross products
+    with_body, without = Machine("a", 0.0, shaft, (body,)).model(), Machine("b", 0.0, shaft,
+                                                                            ()).model()
+    # velocity of the centre v + ω × r and the spin-free ω = (θ̇x, 0, θ̇z), from unit rates, by
+    # cross products
     unit = np.eye(4)
     velocity = np.column_stack([unit[:, 0], np.zeros(4), unit[:, 1]])
     omega = np.column_stack([unit[:, 2], np.zeros(4), unit[:, 3]])
@@ -151,18 +164,22 @@ def test_a_body_on_an_offset_has_the_exact_rigid_body_mass_matrix(offset):
     np.testing.assert_allclose((with_body.M - without.M)[4:, 4:], exact, rtol=1e-12, atol=1e-9)
     assert not (with_body.M - without.M)[:4].any()
     gyroscopic = np.zeros((4, 4))
-    gyroscopic[2, 3], gyroscopic[3, 2] = -500.0, 500.0  # the angular momentum does not know the offset
+    # the angular momentum does not know the offset
+    gyroscopic[2, 3], gyroscopic[3, 2] = -500.0, 500.0
     np.testing.assert_allclose((with_body.G - without.G)[4:, 4:], gyroscopic, rtol=1e-12, atol=1e-9)
 
 
 def test_an_overhung_body_swings_as_the_same_body_at_the_end_of_a_rigid_shaft():
-    # the same machine twice: the link as an offset, and as a nearly rigid, nearly massless piece of shaft
+    # the same machine twice: the link as an offset, and as a nearly rigid, nearly massless piece of
+    # shaft
     bearings = RadialBearing("upper", 1, 1e8), RadialBearing("lower", 2, 2e8)
     body = RigidBody("runner", 2, 5e4, 4e4, 6e4, 0.7)
-    linked = Machine("link", 0.0, Shaft([0.0, 1.0, 5.0], [0.5, 0.5], 2e11, 7850.0), (body,), bearings).model()
+    linked = Machine("link", 0.0, Shaft([0.0, 1.0, 5.0], [0.5, 0.5], 2e11, 7850.0), (body,),
+                     bearings).model()
     long = Machine("long", 0.0, Shaft([0.0, 1.0, 5.0, 5.7], [0.5, 0.5, 20.0], 2e11, 7850.0),
                    (replace(body, node=3, offset=0.0),), bearings).model()
-    piece = shaft_element("lalanne-ferraris", 0.7, 2e11, 7850.0, pi / 4 * 20**2, pi / 64 * 20**4, 0.3, 0.9)
+    piece = shaft_element("lalanne-ferraris", 0.7, 2e11, 7850.0, pi / 4 * 20**2, pi / 64 * 20**4,
+                          0.3, 0.9)
     M, G = long.M.copy(), long.G.copy()
     M[8:, 8:] -= (1 - 1e-9) * piece[0]
     G[8:, 8:] -= (1 - 1e-9) * piece[1]

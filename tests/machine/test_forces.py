@@ -16,7 +16,8 @@ PULL = CircularPull(GAP.pull_stiffness, G0)
 ROUND = ShapedPull(GAP.pull_stiffness, G0, np.full(256, G0))
 # A stator that is oval and has a third harmonic: no symmetry for an error to hide behind.
 ANGLE = 2 * np.pi * np.arange(256) / 256
-ODD = ShapedPull(GAP.pull_stiffness, G0, G0 * (1 + 0.1 * np.cos(2 * ANGLE - 0.3) + 0.05 * np.sin(3 * ANGLE)))
+ODD = ShapedPull(GAP.pull_stiffness, G0, G0 * (1 + 0.1 * np.cos(2 * ANGLE - 0.3) + 0.05
+                                               * np.sin(3 * ANGLE)))
 
 
 def positions(largest, count=12, seed=0):
@@ -27,7 +28,9 @@ def positions(largest, count=12, seed=0):
 
 
 def paper_integrals(x, z, x_e, z_e):
-    """Eqs. (7) and (8) with the gap of Eq. (6), as printed (the erratum in its last term corrected)."""
+    """Eqs. (7) and (8) with the gap of Eq. (6), as printed (the erratum in its last term
+    corrected).
+    """
     def gap(phi):
         return 1 + ((x_e - x) * math.sin(phi) + (z_e - z) * math.cos(phi)) / G0
     factor = GAP.field**2 * GAP.mean_radius * GAP.length / (2 * MU_0)
@@ -67,7 +70,8 @@ def test_sympy_derives_the_closed_form():
     assert float(residue.subs(eps, 0.3)) == pytest.approx(integral, rel=1e-12)
 
 
-@pytest.mark.parametrize("law", [PULL, ODD, LinearPull(GAP.pull_stiffness, G0)], ids=["circular", "shaped", "linear"])
+@pytest.mark.parametrize("law", [PULL, ODD, LinearPull(GAP.pull_stiffness, G0)],
+                         ids=["circular", "shaped", "linear"])
 def test_slope_is_the_derivative_of_the_force(law):
     e, h = positions(0.6), 1e-5 * G0
     force, slope = law.linearise(e)
@@ -78,7 +82,8 @@ def test_slope_is_the_derivative_of_the_force(law):
         assert np.abs(slope[:, j] - difference).max() < 1e-7 * np.abs(slope).max()
 
 
-@pytest.mark.parametrize("law", [PULL, LinearPull(GAP.pull_stiffness, G0)], ids=["circular", "linear"])
+@pytest.mark.parametrize("law", [PULL, LinearPull(GAP.pull_stiffness, G0)],
+                         ids=["circular", "linear"])
 def test_potential_is_the_work_along_a_path(law):
     def path(s):
         return G0 * np.array([0.1 + 0.6 * s * s, -0.3 + 0.5 * math.sin(2 * s)])
@@ -91,7 +96,8 @@ def test_potential_is_the_work_along_a_path(law):
 
 
 @pytest.mark.parametrize(("kappa", "eps_fold", "e_max"), [
-    (1.2, 0.2018, 0.0228), (1.4, 0.2746, 0.0540), (1.6, 0.3247, 0.0848), (1.8, 0.3632, 0.1137), (3.0, 0.4944, 0.2435)])
+    (1.2, 0.2018, 0.0228), (1.4, 0.2746, 0.0540), (1.6, 0.3247, 0.0848), (1.8, 0.3632, 0.1137),
+    (3.0, 0.4944, 0.2435)])
 def test_static_fold(kappa, eps_fold, e_max):
     """Largest stator offset a spring κ times the pull stiffness can hold (literature.md, 1.3)."""
     def offset(eps):
@@ -103,14 +109,16 @@ def test_static_fold(kappa, eps_fold, e_max):
     assert formula == pytest.approx(eps_fold, abs=6e-5)
     assert offset(formula) == pytest.approx(e_max, abs=6e-5)
     # at the fold the spring and the slope of the pull cancel
-    assert PULL.linearise(np.array([formula * G0, 0.0]))[1][0, 0] == pytest.approx(kappa * PULL.stiffness, rel=1e-9)
+    assert PULL.linearise(np.array([formula * G0, 0.0]))[1][0, 0] == pytest.approx(kappa
+                                                                                   * PULL.stiffness, rel=1e-9)
 
 
 def test_small_displacements_feel_a_negative_stiffness():
     for eps in (1e-2, 1e-3, 1e-4):
         force = PULL.force(np.array([0.6 * eps * G0, 0.8 * eps * G0]))
         ratio = np.hypot(*force) / (GAP.pull_stiffness * eps * G0)
-        assert ratio - 1 == pytest.approx(1.5 * eps**2, rel=3 * eps**2 + 1e-7)  # ε + 3/2 ε³ + 15/8 ε⁵
+        # ε + 3/2 ε³ + 15/8 ε⁵
+        assert ratio - 1 == pytest.approx(1.5 * eps**2, rel=3 * eps**2 + 1e-7)
 
 
 @pytest.mark.parametrize("law", [PULL, ROUND], ids=["circular", "shaped"])
@@ -120,16 +128,19 @@ def test_pull_points_to_the_small_gap(law):
         force = law.force(e)
         assert math.atan2(*force) == pytest.approx(angle, abs=1e-12)  # gap angle: from z towards x
         assert law.smallest_gap(e) == pytest.approx(0.7 * G0, rel=1e-3)
-        assert math.remainder(float(law.gap_angle(e)) - angle, 2 * math.pi) == pytest.approx(0, abs=0.013)
+        assert math.remainder(float(law.gap_angle(e)) - angle,
+                              2 * math.pi) == pytest.approx(0, abs=0.013)
     # raising x_E leaves the rotor on the −x side, and it is pulled to −x
     assert law.force(np.zeros(2) - [1e-3, 0])[0] < 0
 
 
-@pytest.mark.parametrize(("eps", "share"), [(0.1, 0.9850), (0.2, 0.9406), (0.3, 0.8681), (0.5, 0.6495), (0.9, 0.0828)])
+@pytest.mark.parametrize(("eps", "share"), [(0.1, 0.9850), (0.2, 0.9406), (0.3, 0.8681),
+                                            (0.5, 0.6495), (0.9, 0.0828)])
 def test_linear_pull_underestimates(eps, share):
     e = np.array([0.0, eps * G0])
     linear = LinearPull(PULL.stiffness, G0)
-    assert linear.force(e)[1] / PULL.force(e)[1] == pytest.approx(share, abs=6e-5)  # literature.md, 2.1
+    # literature.md, 2.1
+    assert linear.force(e)[1] / PULL.force(e)[1] == pytest.approx(share, abs=6e-5)
     assert linear.linearise(e)[1] == pytest.approx(PULL.linearise(np.zeros(2))[1])
 
 
@@ -142,8 +153,10 @@ def test_a_shifted_circle_is_a_moved_rotor():
 def test_an_oval_stator_does_not_pull_a_centred_rotor():
     oval = ShapedPull(PULL.stiffness, G0, G0 * (1 + 0.2 * np.cos(2 * ANGLE)))
     assert np.abs(oval.force(np.zeros(2))).max() < 1e-12 * PULL.stiffness * G0
-    pear = ShapedPull(PULL.stiffness, G0, G0 * (1 + 0.2 * np.cos(2 * ANGLE) + 0.2 * np.cos(3 * ANGLE)))
-    assert np.abs(pear.force(np.zeros(2))).max() > 1e-2 * PULL.stiffness * G0  # orders that differ by one do pull
+    pear = ShapedPull(PULL.stiffness, G0, G0
+                      * (1 + 0.2 * np.cos(2 * ANGLE) + 0.2 * np.cos(3 * ANGLE)))
+    # orders that differ by one do pull
+    assert np.abs(pear.force(np.zeros(2))).max() > 1e-2 * PULL.stiffness * G0
 
 
 @pytest.mark.parametrize("law", [PULL, ODD], ids=["circular", "shaped"])

@@ -1,4 +1,5 @@
-"""Pole pairs, waves, shapes and a tangential pull: against their integrals, differences and limits."""
+"""Pole pairs, waves, shapes and a tangential pull: against their integrals, differences and limits.
+"""
 
 import math
 
@@ -21,8 +22,10 @@ LAWS = {
     **{f"series p={p}": PolePairPull(K, G0, p, p, 0.3, truncated=True) for p in (1, 2, 3, 4)},
     "slip and imbalance": PolePairPull(K, G0, 1, 1.25, 0.3, 0.4, 0.7),
     "loaded": FieldWave(K, G0, loaded(1, 0.8, 2.0, 1.0)),
-    "several orders": FieldWave(K, G0, (Wave(1, 1.0, 1.0), Wave(3, 0.2, 3.0, 0.5), Wave(2, 0.1, -1.5, 1.0))),
-    "shapes": TurningPull(K, G0, (Bulge(2, 0.3e-3, 0.4), Bulge(3, 0.2e-3)), (Bulge(2, 0.1e-3), Bulge(4, 0.3e-3, 1.0))),
+    "several orders": FieldWave(K, G0, (Wave(1, 1.0, 1.0), Wave(3, 0.2, 3.0, 0.5),
+                                        Wave(2, 0.1, -1.5, 1.0))),
+    "shapes": TurningPull(K, G0, (Bulge(2, 0.3e-3, 0.4), Bulge(3, 0.2e-3)),
+                          (Bulge(2, 0.1e-3), Bulge(4, 0.3e-3, 1.0))),
 }
 ids = list(LAWS)
 
@@ -34,12 +37,15 @@ def positions(largest=0.6, count=12, seed=0):
 
 
 def stress_integral(e, field, gap=lambda phi: G0):
-    """Maxwell's stress B²/2µ0 over the rotor, with B the peak-valued field over the true gap: what defines the force."""
+    """Maxwell's stress B²/2µ0 over the rotor, with B the peak-valued field over the true gap: what
+    defines the force.
+    """
     def part(phi, wave):
         here = gap(phi) - e[0] * math.sin(phi) - e[1] * math.cos(phi)
         return wave(phi) * (field(phi) * G0 / here) ** 2
     scale = AIR.mean_radius * AIR.length / (2 * MU_0)
-    return np.array([scale * quad(part, 0, 2 * math.pi, args=(wave,), epsabs=1e-13, epsrel=1e-12, limit=400)[0]
+    return np.array([scale * quad(part, 0, 2 * math.pi, args=(wave,), epsabs=1e-13, epsrel=1e-12,
+                                  limit=400)[0]
                      for wave in (math.sin, math.cos)])
 
 
@@ -50,10 +56,13 @@ def test_derivatives(name):
     assert force == pytest.approx(law.force_at(e, STILL, PHASES, 10.0), rel=1e-14)
     for j in (0, 1):
         step = h * np.eye(2)[:, j, None]
-        difference = (law.force_at(e + step, STILL, PHASES, 10.0) - law.force_at(e - step, STILL, PHASES, 10.0)) / (2 * h)
+        difference = (law.force_at(e + step, STILL, PHASES, 10.0) - law.force_at(e - step, STILL,
+                                                                                 PHASES,
+                                                                                 10.0)) / (2 * h)
         assert np.abs(slope[:, j] - difference).max() < 1e-7 * np.abs(slope).max()
     faster = law.force_at(e, STILL + 3.0, PHASES, 10.0)
-    assert np.array_equal(faster, force) and not damping.any()  # no velocity in these laws, and none in their slope
+    # no velocity in these laws, and none in their slope
+    assert np.array_equal(faster, force) and not damping.any()
 
 
 @pytest.mark.parametrize("name", [n for n in ids if "series" not in n])
@@ -71,19 +80,23 @@ def test_closed_form_is_the_integral_of_the_stress(p):
     law, peak = PolePairPull(K, G0, p, p, 0.3), peak_field(AIR.field)
     for e, phase in zip(positions(0.8, 4).T, (0.2, 1.0, 2.0, 4.0), strict=True):
         expected = stress_integral(e, lambda phi, t=phase: peak * math.cos(p * (phi - t) - 0.3))
-        assert law.force_at(e, e, phase, 1.0) == pytest.approx(expected, rel=1e-9, abs=1e-9 * K * G0)
+        assert law.force_at(e, e, phase, 1.0) == pytest.approx(expected, rel=1e-9,
+                                                               abs=1e-9 * K * G0)
 
 
 def test_imbalance_against_the_integral():
     law, peak, e = LAWS["slip and imbalance"], peak_field(AIR.field), np.array([0.3, -0.4]) * G0
     for phase in (0.0, 1.3, 3.0):
         turn = 1.25 * phase + 0.3
-        expected = stress_integral(e, lambda phi, a=turn: peak * (math.cos(phi - a) + 0.4 * math.cos(phi + a + 0.7)))
+        expected = stress_integral(e, lambda phi,
+                                   a=turn: peak
+                                   * (math.cos(phi - a) + 0.4 * math.cos(phi + a + 0.7)))
         assert law.force_at(e, e, phase, 1.0) == pytest.approx(expected, rel=1e-10)
 
 
 def test_waves_against_the_integral():
-    law, peak, e, phase = LAWS["several orders"], peak_field(AIR.field), np.array([0.5, 0.3]) * G0, 0.8
+    law, peak, e, phase = LAWS["several orders"], peak_field(AIR.field), np.array([0.5,
+                                                                                   0.3]) * G0, 0.8
     expected = stress_integral(e, lambda phi: peak * float(law.field(np.array([phi]), phase)[0]))
     assert law.force_at(e, e, phase, 1.0) == pytest.approx(expected, rel=1e-10)
 
@@ -103,7 +116,8 @@ def test_one_wave_by_quadrature_is_the_closed_form():
     e = positions(0.85)
     for p in (1, 2, 5):
         force, slope, _ = PolePairPull(K, G0, p, 1.5, 0.3).linearise_at(e, STILL, PHASES, 1.0)
-        wave, its_slope, _ = FieldWave(K, G0, (Wave(p, 1.0, 1.5, 0.3),)).linearise_at(e, STILL, PHASES, 1.0)
+        wave, its_slope, _ = FieldWave(K, G0, (Wave(p, 1.0, 1.5, 0.3),)).linearise_at(e, STILL,
+                                                                                      PHASES, 1.0)
         assert np.abs(wave - force).max() < 1e-12 * np.abs(force).max()
         assert np.abs(its_slope - slope).max() < 1e-11 * np.abs(slope).max()
 
@@ -114,14 +128,18 @@ def test_two_waves_of_one_order_are_one_wave():
     total = 1 + share * np.exp(-1j * load)
     one = PolePairPull(K * abs(total) ** 2, G0, 1, 1.0, float(np.angle(total)))
     e = positions()
-    assert LAWS["loaded"].force_at(e, STILL, PHASES, 1.0) == pytest.approx(one.force_at(e, STILL, PHASES, 1.0), rel=1e-11)
+    assert LAWS["loaded"].force_at(e, STILL, PHASES,
+                                   1.0) == pytest.approx(one.force_at(e, STILL, PHASES, 1.0),
+                                                         rel=1e-11)
 
 
 # ------------------------------------------------------------------ limits
 
 @pytest.mark.parametrize("p", [1, 2, 3, 24])
 def test_the_mean_over_the_phase_is_the_plain_pull(p):
-    """The plain law takes the rms field, which is what the mean over the phases of a turning wave leaves."""
+    """The plain law takes the rms field, which is what the mean over the phases of a turning wave
+    leaves.
+    """
     phases = 2 * np.pi * np.arange(8) / 8
     e = positions(0.8)[:, :, None]
     law = PolePairPull(K, G0, p, 1.0)
@@ -137,7 +155,9 @@ def test_many_poles_leave_the_plain_pull():
 
 @pytest.mark.parametrize("p", [1, 2, 3, 4])
 def test_the_beat_grows_with_the_power_2p_minus_1(p):
-    """A fit over eccentricities of 2 to 8 %; the force that does not turn is taken away by its closed form."""
+    """A fit over eccentricities of 2 to 8 %; the force that does not turn is taken away by its
+    closed form.
+    """
     eps = np.geomspace(0.02, 0.08, 12)
     phases = 2 * np.pi * np.arange(16) / 16
     e = eps[:, None] * G0 * np.array([0.6, 0.8])[:, None, None] * np.ones(16)
@@ -148,17 +168,21 @@ def test_the_beat_grows_with_the_power_2p_minus_1(p):
 
 
 def test_small_displacement_of_two_poles():
-    """K(t) = −k (I + ½ [rotation by 2θ]): the stiffness that turns at twice the electrical frequency."""
+    """K(t) = −k (I + ½ [rotation by 2θ]): the stiffness that turns at twice the electrical
+    frequency.
+    """
     law = PolePairPull(K, G0, 1, 1.0)
     for phase in (0.0, 0.4, 2.0):
         slope = law.linearise_at(np.zeros(2), np.zeros(2), phase, 1.0)[1]
         c, s = math.cos(2 * phase), math.sin(2 * phase)
-        assert slope == pytest.approx(K * (np.eye(2) + 0.5 * np.array([[-c, s], [s, c]])), rel=1e-12)  # (x, z)
+        assert slope == pytest.approx(K * (np.eye(2) + 0.5 * np.array([[-c, s], [s, c]])),
+                                      rel=1e-12)  # (x, z)
 
 
 def test_rms_and_peak_field_are_kept_apart():
     peak = peak_field(AIR.field)
-    assert math.pi * peak**2 * AIR.mean_radius * AIR.length / (2 * MU_0 * AIR.gap) == pytest.approx(K, rel=1e-12)
+    assert math.pi * peak**2 * AIR.mean_radius * AIR.length / (2 * MU_0
+                                                               * AIR.gap) == pytest.approx(K, rel=1e-12)
     by_mistake = AirGap("rotor", peak, AIR.mean_radius, AIR.length, AIR.gap).pull_stiffness
     assert by_mistake == pytest.approx(2 * K, rel=1e-12)
 
@@ -174,7 +198,8 @@ def test_sympy_derives_the_published_forces(p):
     quarter = sp.pi / 4  # over R L F₁²/µ0
     f1 = quarter * (2 * l0 * l1 + l1 * l2 + l2 * l3)
     f3, f4 = quarter * (l0 * l3 + l1 * l2 / 2), quarter * l2 * l3 / 2
-    beat = {1: f1 / 2 * t**2 / g + f3 * g**3 / t**2, 2: f3 * t**2 / g**3 + f4 * g**5 / t**2, 3: f4 * t**2 / g**5}
+    beat = {1: f1 / 2 * t**2 / g + f3 * g**3 / t**2, 2: f3 * t**2 / g**3 + f4 * g**5 / t**2,
+            3: f4 * t**2 / g**5}
     assert sp.simplify(force - (f1 * g + beat.get(p, 0))) == 0
     eps, gamma, theta = 0.4, 0.7, 1.9
     w = math.sqrt(1 - eps**2)
@@ -182,23 +207,29 @@ def test_sympy_derives_the_published_forces(p):
     number = complex(force.subs(dict(zip((l0, l1, l2, l3), permeance, strict=True)))
                      .subs({g: sp.exp(sp.I * gamma), t: sp.exp(sp.I * theta)}).evalf())
     law = PolePairPull(K, G0, p, 1.0, truncated=True)
-    fx, fz = law.force_at(eps * G0 * np.array([math.sin(gamma), math.cos(gamma)]), np.zeros(2), theta, 1.0)
-    assert complex(fz, fx) == pytest.approx(number * 2 * K * G0 / math.pi, rel=1e-10)  # k g0 = π R L F₁² µ0/2g0²
+    fx, fz = law.force_at(eps * G0 * np.array([math.sin(gamma), math.cos(gamma)]), np.zeros(2),
+                          theta, 1.0)
+    # k g0 = π R L F₁² µ0/2g0²
+    assert complex(fz, fx) == pytest.approx(number * 2 * K * G0 / math.pi, rel=1e-10)
 
 
 @pytest.mark.parametrize("n", [1, 3, 5])
 def test_sympy_derives_the_whole_moments(n):
     residue, closed, eps = whole_moment(n)
     for value in (0.1, 0.5, 0.8):
-        integral = quad(lambda phi, v=value: math.cos(n * phi) / (1 - v * math.cos(phi)) ** 2, 0, 2 * math.pi,
+        integral = quad(lambda phi, v=value: math.cos(n * phi) / (1 - v * math.cos(phi)) ** 2, 0,
+                        2 * math.pi,
                         epsabs=1e-13)[0] / (2 * math.pi)
         assert float(residue.subs(eps, value)) == pytest.approx(integral, rel=1e-8)
         assert float(closed.subs(eps, value)) == pytest.approx(integral, rel=1e-8)
-        assert whole_size(np.sqrt(1 - value**2), n)[0] * value**n == pytest.approx(integral / 2, rel=1e-8)
+        assert whole_size(np.sqrt(1 - value**2), n)[0] * value**n == pytest.approx(integral / 2,
+                                                                                   rel=1e-8)
 
 
 def test_what_the_series_to_third_order_misses():
-    """Published sizes of literature.md 2.2, and the fifth order, of which the cut series keeps a third."""
+    """Published sizes of literature.md 2.2, and the fifth order, of which the cut series keeps a
+    third.
+    """
     for eps, f1, f3, f4 in ((0.1, 1 - 1.6e-8, 0.00251, 3.2e-6), (0.5, 0.99963, 0.0667, 2.4e-3),
                             (0.7, 0.9954, 0.1396, 1.2e-2)):
         w = np.sqrt(1 - eps**2)
@@ -213,7 +244,8 @@ def test_what_the_series_to_third_order_misses():
 
 # ------------------------------------------------------------------ shapes
 
-@pytest.mark.parametrize("stator", [Bulge(2, 2e-5, 0.3), Bulge(4, 2e-5, -0.9), Bulge(3, -2e-5, 1.1)])
+@pytest.mark.parametrize("stator", [Bulge(2, 2e-5, 0.3), Bulge(4, 2e-5, -0.9),
+                                    Bulge(3, -2e-5, 1.1)])
 @pytest.mark.parametrize("rotor", [Bulge(3, 3e-5, 0.7), Bulge(2, 3e-5), Bulge(5, 3e-5, 2.0)])
 def test_selection_rule_of_a_rotor_in_a_stator(stator, rotor):
     phases = 2 * np.pi * np.arange(32) / 32
@@ -231,10 +263,13 @@ def test_selection_rule_of_a_rotor_in_a_stator(stator, rotor):
     assert np.abs(np.delete(spectrum, rule.turns)).max() < 0.05 * rule.size
 
 
-@pytest.mark.parametrize(("side", "kind", "turns"), [("stator", "static", 0), ("rotor", "synchronous", 1)])
+@pytest.mark.parametrize(("side", "kind", "turns"),
+                         [("stator", "static", 0), ("rotor", "synchronous", 1)])
 def test_selection_rule_of_one_side(side, kind, turns):
     a, b = Bulge(4, 2e-5, 0.3), Bulge(3, 3e-5, -0.5)
-    law = TurningPull(K, G0, (a, b), (Bulge(2, 0.0),)) if side == "stator" else TurningPull(K, G0, (), (a, b))
+    law = TurningPull(K, G0, (a, b), (Bulge(2, 0.0),)) if side == "stator" else TurningPull(K, G0,
+                                                                                            (),
+                                                                                            (a, b))
     phases = 2 * np.pi * np.arange(32) / 32
     force = law.force_at(np.zeros((2, 32)), np.zeros((2, 32)), phases, 1.0)
     spectrum = np.fft.fft(force[1] + 1j * force[0]) / 32
@@ -253,7 +288,8 @@ def test_shapes_have_their_limits():
     assert isinstance(still, ShapedPull)
     turning = TurningPull(K, G0, stator, (Bulge(3, 0.0),))
     assert turning.force_at(e, STILL, PHASES, 1.0) == pytest.approx(still.force(e), rel=1e-12)
-    one = TurningPull(K, G0, (), (Bulge(1, 0.2 * G0, 0.3),))  # order 1 of the rotor is a shift that turns with it
+    # order 1 of the rotor is a shift that turns with it
+    one = TurningPull(K, G0, (), (Bulge(1, 0.2 * G0, 0.3),))
     turn = PHASES + 0.3
     assert one.force_at(e, STILL, PHASES, 1.0) == pytest.approx(
         ROUND.force(e + 0.2 * G0 * np.array([np.sin(turn), np.cos(turn)])), rel=1e-10)
@@ -264,8 +300,10 @@ def test_smallest_gap_of_turning_shapes():
     e = positions(0.3, 5)
     angle, phase = np.meshgrid(np.linspace(0, 2 * np.pi, 721), np.linspace(0, 2 * np.pi, 721))
     for place in e.T:
-        gap = (G0 + 0.3e-3 * np.cos(2 * (angle - 0.4)) + 0.2e-3 * np.cos(3 * angle) - 0.1e-3 * np.cos(2 * (angle - phase))
-               - 0.3e-3 * np.cos(4 * (angle - phase - 1.0)) - place[0] * np.sin(angle) - place[1] * np.cos(angle))
+        gap = (G0 + 0.3e-3 * np.cos(2 * (angle - 0.4)) + 0.2e-3 * np.cos(3 * angle) - 0.1e-3
+               * np.cos(2 * (angle - phase))
+               - 0.3e-3 * np.cos(4 * (angle - phase - 1.0)) - place[0] * np.sin(angle) - place[1]
+               * np.cos(angle))
         assert law.smallest_gap(place) == pytest.approx(gap.min(), rel=2e-3)
 
 
@@ -273,24 +311,31 @@ def test_smallest_gap_of_turning_shapes():
 
 def test_tangential_pull_turns_from_z_to_x():
     law = TangentialPull(2e6, G0)
-    assert law.force(np.array([0.0, 1e-3])) == pytest.approx([2e3, 0.0])  # at +z it pushes to +x: forward
+    # at +z it pushes to +x: forward
+    assert law.force(np.array([0.0, 1e-3])) == pytest.approx([2e3, 0.0])
     e = positions()
     force, slope = law.linearise(e)
     assert np.abs((force * e).sum(axis=0)).max() < 1e-12 * np.abs(force).max()
     assert np.einsum("ij...,j...->i...", slope, e) == pytest.approx(force, rel=1e-14)
     circle = np.linspace(0, 2 * np.pi, 400, endpoint=False)
-    path, rate = G0 / 2 * np.array([np.sin(circle), np.cos(circle)]), G0 / 2 * np.array([np.cos(circle), -np.sin(circle)])
+    path, rate = G0 / 2 * np.array([np.sin(circle),
+                                    np.cos(circle)]), G0 / 2 * np.array([np.cos(circle),
+                                                                         -np.sin(circle)])
     work = (law.force(path) * rate).sum() * 2 * np.pi / 400
-    assert work == pytest.approx(2 * np.pi * 2e6 * (G0 / 2) ** 2, rel=1e-12)  # there is no potential: a lap gains energy
+    # there is no potential: a lap gains energy
+    assert work == pytest.approx(2 * np.pi * 2e6 * (G0 / 2) ** 2, rel=1e-12)
 
 
 @pytest.mark.parametrize("law", [*LAWS.values(), TangentialPull(2e6, G0)], ids=[*ids, "tangential"])
 def test_scaled_and_gaps(law):
     e, double = positions(), law.scaled(2.0)
     if law.moving:
-        assert double.force_at(e, STILL, PHASES, 1.0) == pytest.approx(2 * law.force_at(e, STILL, PHASES, 1.0), rel=1e-13)
+        assert double.force_at(e, STILL, PHASES,
+                               1.0) == pytest.approx(2 * law.force_at(e, STILL, PHASES, 1.0),
+                                                     rel=1e-13)
         touching = np.array([1.2 * G0, 0.0])
-        assert np.isnan(law.force_at(touching, touching, 0.0, 1.0)).all() and law.smallest_gap(touching) < 0
+        assert np.isnan(law.force_at(touching, touching, 0.0,
+                                     1.0)).all() and law.smallest_gap(touching) < 0
     else:
         assert double.force(e) == pytest.approx(2 * law.force(e), rel=1e-14)
     aside = np.array([0.3 * G0, 0.0])

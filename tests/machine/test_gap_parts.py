@@ -1,4 +1,6 @@
-"""Card keys of poles, shapes and the tangential pull: they build the laws, and refuse with a sentence."""
+"""Card keys of poles, shapes and the tangential pull: they build the laws, and refuse with a
+sentence.
+"""
 
 from dataclasses import replace
 
@@ -17,7 +19,8 @@ def stated(value, unit="1"):
     return {"value": value, "unit": unit, "source": "assumed"}
 
 
-OVAL = {"name": "oval", "of": "stator", "order": 2, "size": stated(0.4, "mm"), "angle": stated(30, "deg")}
+OVAL = {"name": "oval", "of": "stator", "order": 2, "size": stated(0.4, "mm"),
+        "angle": stated(30, "deg")}
 WORN = {"name": "worn", "of": "rotor", "order": 3, "size": stated(0.2, "mm")}
 
 
@@ -38,10 +41,12 @@ def test_every_law_has_a_card_key():
     assert law_of() == CircularPull(k, gap)
     assert law_of(air_gap={"linear": True}) == LinearPull(k, gap)
     assert law_of(poles={"pole_pairs": 3}) == PolePairPull(k, gap, 3, 3.0)
-    slipping = {"pole_pairs": 1, "electrical_ratio": stated(1.25), "pole_angle": stated(90, "deg"), "series": "published",
+    slipping = {"pole_pairs": 1, "electrical_ratio": stated(1.25), "pole_angle": stated(90, "deg"),
+                "series": "published",
                 "backward": stated(20, "%"), "backward_angle": stated(0.4, "rad")}
     assert law_of(poles=slipping) == PolePairPull(k, gap, 1, 1.25, np.pi / 2, 0.2, 0.4, True)
-    loaded = law_of(poles={"pole_pairs": 1, "stator_mmf": stated(0.8), "load_angle": stated(60, "deg")})
+    loaded = law_of(poles={"pole_pairs": 1, "stator_mmf": stated(0.8),
+                           "load_angle": stated(60, "deg")})
     assert isinstance(loaded, FieldWave) and loaded.waves[1].angle == pytest.approx(-np.pi / 3)
     assert isinstance(law_of(shapes=[OVAL]), ShapedPull)
     turning = law_of(shapes=[OVAL, WORN])
@@ -66,7 +71,8 @@ def test_the_tangential_pull_stands_beside_any_law():
 
 
 def test_cards_of_these_parts_are_written_and_read(tmp_path):
-    machine = write_card(card(shapes=[OVAL, WORN], air_gap={"tangential": stated(5, "%")}), tmp_path / "own.toml")
+    machine = write_card(card(shapes=[OVAL, WORN], air_gap={"tangential": stated(5, "%")}),
+                         tmp_path / "own.toml")
     again = load_machine(tmp_path / "own.toml")
     assert again.numbers().keys() == machine.numbers().keys()
     assert again.model().law.parts[0].law == machine.model().law.parts[0].law
@@ -86,17 +92,23 @@ def test_a_shape_of_many_orders_goes_on_a_machine():
 
 @pytest.mark.parametrize(("changes", "said"), [
     ({"poles": {"pole_pairs": 0}}, ["poles.pole_pairs is 0", "1 to 100", "constant field"]),
-    ({"poles": {"pole_pairs": 1, "electrical_ratio": stated(-1)}}, ["electrical_ratio is -1", "at least 0"]),
-    ({"poles": {"pole_pairs": 1, "backward": stated(-5, "%")}}, ["poles.backward is -0.05", "at least 0", "-5 %"]),
-    ({"poles": {"pole_pairs": 1, "series": "some"}}, ["poles.series is 'some'", "whole, published"]),
-    ({"poles": {"pole_pairs": 1, "series": "published", "stator_mmf": stated(0.5)}}, ["stator_mmf is 0.5", "leave out"]),
+    ({"poles": {"pole_pairs": 1, "electrical_ratio": stated(-1)}},
+     ["electrical_ratio is -1", "at least 0"]),
+    ({"poles": {"pole_pairs": 1, "backward": stated(-5, "%")}},
+     ["poles.backward is -0.05", "at least 0", "-5 %"]),
+    ({"poles": {"pole_pairs": 1, "series": "some"}},
+     ["poles.series is 'some'", "whole, published"]),
+    ({"poles": {"pole_pairs": 1, "series": "published", "stator_mmf": stated(0.5)}},
+     ["stator_mmf is 0.5", "leave out"]),
     ({"poles": {"pole_pairs": 1, "slip": stated(0.1)}}, ["poles.slip", "not a key"]),
     ({"poles": {"pole_pairs": 1}, "shapes": [OVAL]}, ["1 pole pairs", "takes one of them"]),
-    ({"poles": {"pole_pairs": 1}, "air_gap": {"linear": True}}, ["air_gap.linear is true", "leave out poles"]),
+    ({"poles": {"pole_pairs": 1}, "air_gap": {"linear": True}},
+     ["air_gap.linear is true", "leave out poles"]),
     ({"shapes": [OVAL | {"of": "shaft"}]}, ["shapes.oval.of is 'shaft'", "stator, rotor"]),
     ({"shapes": [OVAL | {"order": 0}]}, ["shapes.oval.order is 0", "1 to 40", "oval"]),
     ({"shapes": [OVAL, OVAL]}, ["'oval' is used twice"]),
-    ({"shapes": [OVAL | {"size": stated(12, "mm")}]}, ["add up to 0.012 m", "smaller than air_gap.gap, 0.011 m"]),
+    ({"shapes": [OVAL | {"size": stated(12, "mm")}]}, ["add up to 0.012 m", "smaller than "
+                                                       "air_gap.gap, 0.011 m"]),
     ({"air_gap": {"tangential": stated(float("nan"))}}, ["air_gap.tangential is nan", "finite"]),
     ({"air_gap": {"linear": "yes"}}, ["air_gap.linear is 'yes'", "true or false"]),
 ])
@@ -110,7 +122,8 @@ def test_bad_cards_get_a_sentence(changes, said):
 def test_what_does_not_go_together_on_a_shaft():
     unit = load_machine("kaplan-150rpm")
     with pytest.raises(BadInput, match="a pull that stands still"):
-        replace(unit, air_gap=replace(unit.air_gap, tilt=True), poles=load_machine("two-pole").poles)
+        replace(unit, air_gap=replace(unit.air_gap, tilt=True),
+                poles=load_machine("two-pole").poles)
     with pytest.raises(BadInput, match="poles needs an air gap"):
         replace(unit, air_gap=None, poles=load_machine("two-pole").poles)
     with pytest.raises(BadInput, match="linear is 1"):

@@ -10,12 +10,15 @@ TRUE = (Bulge(1, 2e-4, 0.5), Bulge(2, 4e-4, -0.6), Bulge(3, 1e-4, 0.2), Bulge(5,
 
 
 def write(path, angle, gap, head="angle_deg,gap_mm"):
-    path.write_text("\n".join([head, *(f"{a:.9g},{g:.9g}" for a, g in zip(angle, gap, strict=True))]), encoding="utf-8")
+    path.write_text("\n".join([head, *(f"{a:.9g},{g:.9g}"
+                                       for a, g in zip(angle, gap, strict=True))]),
+                    encoding="utf-8")
     return path
 
 
 def test_orders_come_back_from_unequal_angles(tmp_path):
-    degrees = np.random.default_rng(3).permutation(np.arange(72) * 5.0 + np.random.default_rng(4).uniform(0, 3, 72))
+    degrees = np.random.default_rng(3).permutation(np.arange(72) * 5.0
+                                                   + np.random.default_rng(4).uniform(0, 3, 72))
     gap = 11e-3 + outline(TRUE, np.radians(degrees))
     found = read_gap(write(tmp_path / "gap.csv", degrees, 1e3 * gap), orders=6)
     assert found.mean == pytest.approx(11e-3, rel=1e-8) and found.misfit < 1e-10
@@ -31,7 +34,8 @@ def test_orders_come_back_from_unequal_angles(tmp_path):
 def test_units_and_other_columns(tmp_path):
     angle = np.linspace(0, 6, 40)
     gap = 5e-3 + 1e-4 * np.cos(2 * angle)
-    lines = ["probe, gap_um ,angle_rad", *(f"A,{1e6 * g:.9g},{a:.9g}" for a, g in zip(angle, gap, strict=True))]
+    lines = ["probe, gap_um ,angle_rad", *(f"A,{1e6 * g:.9g},{a:.9g}"
+                                           for a, g in zip(angle, gap, strict=True))]
     (tmp_path / "g.csv").write_text("\ufeff" + "\r\n".join([*lines, "", " , , "]), encoding="utf-8")
     found = read_gap(tmp_path / "g.csv", orders=3)
     assert found.mean == pytest.approx(5e-3, rel=1e-8)
@@ -50,13 +54,15 @@ ANGLES = np.arange(0.0, 360, 10)
     ("angle_deg,gap_mm\n0,11\n10", ["line 3 has 1 values", "gap_mm"]),
     ("angle_deg,gap_mm\n0,11\n10,-2", ["line 3", "-2 mm", "larger than 0"]),
     ("angle_deg,gap_mm\n0,11\n10,11", ["has 2 angles", "at least 17"]),
-    ("angle_rad,gap_mm\n" + "\n".join(f"{a * 1e-3},11" for a in ANGLES), ["circumference open", "unit"]),
+    ("angle_rad,gap_mm\n" + "\n".join(f"{a * 1e-3},11" for a in ANGLES),
+     ["circumference open", "unit"]),
 ])
 def test_bad_files_get_a_sentence(tmp_path, text, said):
     (tmp_path / "bad.csv").write_text(text, encoding="utf-8")
     with pytest.raises(BadInput) as error:
         read_gap(tmp_path / "bad.csv")
-    assert all(words in str(error.value) for words in ["bad.csv", *said]) and "\n" not in str(error.value)
+    assert all(words in str(error.value) for words
+               in ["bad.csv", *said]) and "\n" not in str(error.value)
 
 
 def test_what_is_no_file_or_no_order(tmp_path):

@@ -42,22 +42,33 @@ def machine(**changes):
     (Shaft, SHAFT, {"nodes": [0, 2, 1]}, "from 2 m to 1 m; the depths must ascend"),
     (Shaft, SHAFT, {"nodes": [0, math.nan]}, r"shaft.nodes\[1\] is nan"),
     (Shaft, SHAFT, {"diameter": 0}, "shaft.diameter is 0 m; it must be larger than 0 m"),
-    (Shaft, SHAFT, {"diameter": [0.4, 0.4, 0.4]}, "has 3 entries; give one number or one per element, 2"),
-    (Shaft, SHAFT, {"inner_diameter": [0.1, 0.5]}, "shaft.inner_diameter is 0.5 m; it must be smaller than .* 0.4 m"),
+    (Shaft, SHAFT, {"diameter": [0.4, 0.4, 0.4]}, "has 3 entries; give one number or one per "
+                                                  "element, 2"),
+    (Shaft, SHAFT, {"inner_diameter": [0.1, 0.5]}, "shaft.inner_diameter is 0.5 m; it must be "
+                                                   "smaller than .* 0.4 m"),
     (Shaft, SHAFT, {"young": -1.0}, "shaft.young is -1 Pa; it must be larger than 0 Pa"),
     (Shaft, SHAFT, {"poisson": 0.5}, "shaft.poisson is 0.5; it must be smaller than 0.5"),
     (Shaft, SHAFT, {"shear_coefficient": 1.1}, "shaft.shear_coefficient is 1.1; .* at most 1"),
-    (Shaft, SHAFT, {"element": "beam"}, "shaft.element is 'beam'; it must be one of lalanne-ferraris, timoshenko"),
+    (Shaft, SHAFT, {"element": "beam"}, "shaft.element is 'beam'; it must be one of "
+                                        "lalanne-ferraris, timoshenko"),
     (RigidBody, BODY, {"mass": -5}, "bodies.rotor.mass is -5 kg; it must be larger than 0 kg"),
     (RigidBody, BODY, {"mass": True}, "bodies.rotor.mass is True; it must be a number in kg"),
-    (RigidBody, BODY, {"Ip": 5e3}, r"bodies.rotor.Ip is 5000 kg m\^2; no rigid body has Ip above 2 Id"),
-    (RigidBody, BODY, {"unbalance": -1}, "bodies.rotor.unbalance is -1 kg m; it must be at least 0"),
-    (RigidBody, BODY, {"offset": math.inf}, "bodies.rotor.offset is inf; it must be a finite number"),
-    (RigidBody, BODY, {"name": "two\nlines"}, "the name of a body is 'two.*lines'; it must be text"),
-    (ThrustBearing, {"name": "t", "node": 0, "tilt_stiffness": 1}, {"tilt_stiffness": "1"}, "it must be a number"),
-    (AirGap, GAP, {"gap": 3.0}, "air_gap.gap is 3 m; it must be smaller than air_gap.mean_radius, 2.9945 m"),
-    (RayleighDamping, {"ratio": 0.01}, {"ratio": [0.01, 0.02, 0.03]}, "damping.ratio has 3 entries"),
-    (RayleighDamping, {"ratio": 0.01}, {"ratio": 1}, "damping.ratio is 1; it must be smaller than 1"),
+    (RigidBody, BODY, {"Ip": 5e3},
+     r"bodies.rotor.Ip is 5000 kg m\^2; no rigid body has Ip above 2 Id"),
+    (RigidBody, BODY, {"unbalance": -1},
+     "bodies.rotor.unbalance is -1 kg m; it must be at least 0"),
+    (RigidBody, BODY, {"offset": math.inf},
+     "bodies.rotor.offset is inf; it must be a finite number"),
+    (RigidBody, BODY, {"name": "two\nlines"},
+     "the name of a body is 'two.*lines'; it must be text"),
+    (ThrustBearing, {"name": "t", "node": 0, "tilt_stiffness": 1}, {"tilt_stiffness": "1"},
+     "it must be a number"),
+    (AirGap, GAP, {"gap": 3.0}, "air_gap.gap is 3 m; it must be smaller than air_gap.mean_radius, "
+                                "2.9945 m"),
+    (RayleighDamping, {"ratio": 0.01}, {"ratio": [0.01, 0.02, 0.03]},
+     "damping.ratio has 3 entries"),
+    (RayleighDamping, {"ratio": 0.01}, {"ratio": 1},
+     "damping.ratio is 1; it must be smaller than 1"),
 ])
 def test_what_cannot_exist_is_refused(cls, good, bad, sentence):
     cls(**good)
@@ -66,8 +77,10 @@ def test_what_cannot_exist_is_refused(cls, good, bad, sentence):
     assert len(str(caught.value).splitlines()) == 1
 
 
-@pytest.mark.parametrize("value", ["1e9", None, [1], [1, 2, 3], [[1, 2]], [[1, 2], [3]], [1, [2, 3]], math.nan,
-                                   -1.0, [1, -1], [[1, 0], [0, "1"]], True, {}, 10**400, np.zeros((2, 2, 2))])
+@pytest.mark.parametrize("value", ["1e9", None, [1], [1, 2, 3], [[1, 2]], [[1, 2], [3]],
+                                   [1, [2, 3]], math.nan,
+                                   -1.0, [1, -1], [[1, 0], [0, "1"]], True, {}, 10**400,
+                                   np.zeros((2, 2, 2))])
 def test_bearing_matrix_refuses(value):
     with pytest.raises(BadInput, match=r"bearings.b.stiffness .* must"):
         RadialBearing("b", 0, value)
@@ -76,22 +89,28 @@ def test_bearing_matrix_refuses(value):
 def test_bearing_matrix_takes_three_forms():
     np.testing.assert_array_equal(RadialBearing("b", 0, 5).stiffness, [[5, 0], [0, 5]])
     np.testing.assert_array_equal(RadialBearing("b", 0, (5, 6)).stiffness, [[5, 0], [0, 6]])
-    np.testing.assert_array_equal(RadialBearing("b", 0, np.array([[5, -2], [2, 6]])).stiffness, [[5, -2], [2, 6]])
+    np.testing.assert_array_equal(RadialBearing("b", 0, np.array([[5, -2], [2, 6]])).stiffness,
+                                  [[5, -2], [2, 6]])
 
 
 @pytest.mark.parametrize(("changes", "sentence"), [
-    ({"bearings": (RadialBearing("far", 3, 1e9),)}, "bearings.far.node is 3, off the shaft; the nodes are 0 to 2"),
+    ({"bearings": (RadialBearing("far", 3, 1e9),)}, "bearings.far.node is 3, off the shaft; the "
+                                                    "nodes are 0 to 2"),
     ({"bearings": (RadialBearing("far", 10**5000, 1e9),)}, "off the shaft"),
-    ({"bearings": (RadialBearing("half", 0.5, 1e9),)}, "bearings.half.node is 0.5; it must be a whole number"),
+    ({"bearings": (RadialBearing("half", 0.5, 1e9),)}, "bearings.half.node is 0.5; it must be a "
+                                                       "whole number"),
     ({"bearings": (RadialBearing("rotor", 0, 1e9),)}, "the name 'rotor' is used twice"),
-    ({"air_gap": AirGap(**{**GAP, "body": "stator"})}, "air_gap.body is 'stator'; .* the name of a body: rotor"),
+    ({"air_gap": AirGap(**{**GAP, "body": "stator"})}, "air_gap.body is 'stator'; .* the name of a "
+                                                       "body: rotor"),
     ({"air_gap": AirGap(**{**GAP, "body": []})}, r"air_gap.body is \[\]"),
     ({"air_gap": AirGap(**GAP), "bodies": ()}, "it must be the name of a body: there is none"),
     ({"shaft": None}, "without a shaft the only node is 0"),
     ({"shaft": None, "bodies": (), "bearings": ()}, "a machine without a shaft needs a body"),
     ({"shaft": None, "bearings": (), "bodies": (RigidBody(**BODY, offset=1),)}, "it must be 0"),
-    ({"shaft": None, "bearings": (), "thrust_bearings": (ThrustBearing("t", 0, 1),)}, "no meaning without a shaft"),
-    ({"shaft": None, "bearings": (), "damping": RayleighDamping(0.01)}, "give the bearing a damping instead"),
+    ({"shaft": None, "bearings": (), "thrust_bearings": (ThrustBearing("t", 0, 1),)},
+     "no meaning without a shaft"),
+    ({"shaft": None, "bearings": (), "damping": RayleighDamping(0.01)},
+     "give the bearing a damping instead"),
     ({"speed": -1}, "speed is -1 rad/s; it must be at least 0 rad/s"),
     ({"name": ""}, "name is ''; it must be text"),
 ])
@@ -113,7 +132,8 @@ def test_parts_cannot_be_changed():
 def test_sections_and_pull():
     shaft = Shaft(**{**SHAFT, "diameter": [0.4, 0.5]}, inner_diameter=0.2)
     np.testing.assert_allclose(shaft.area, math.pi / 4 * np.array([0.12, 0.21]))
-    np.testing.assert_allclose(shaft.second_moment, math.pi / 64 * np.array([0.4**4 - 0.2**4, 0.5**4 - 0.2**4]))
+    np.testing.assert_allclose(shaft.second_moment,
+                               math.pi / 64 * np.array([0.4**4 - 0.2**4, 0.5**4 - 0.2**4]))
     assert shaft.length == 2.5
     assert AirGap(**GAP).pull_stiffness == pytest.approx(1.6504e8, rel=1e-4)
     assert MU_0 == pytest.approx(4e-7 * math.pi)
@@ -125,8 +145,10 @@ def test_bodies_are_found_by_name():
         machine().body("stator")
 
 
-@given(st.one_of(st.integers(), st.floats(), st.text(), st.booleans(), st.none(), st.binary(), st.lists(st.integers()),
-                 st.sampled_from([10**400, -10**5000, 1e300, 1e-300, np.float64("nan"), np.int64(3), 1j])))
+@given(st.one_of(st.integers(), st.floats(), st.text(), st.booleans(), st.none(), st.binary(),
+                 st.lists(st.integers()),
+                 st.sampled_from([10**400, -10**5000, 1e300, 1e-300, np.float64("nan"),
+                                  np.int64(3), 1j])))
 def test_number_returns_a_float_or_one_sentence(value):
     try:
         assert 0 < number("key", value, above=0) <= 1e30
@@ -134,7 +156,8 @@ def test_number_returns_a_float_or_one_sentence(value):
         assert str(error).startswith("key is ") and len(str(error).splitlines()) == 1
 
 
-@pytest.mark.parametrize("value", ["long " * 1000, [[[[[[[[1]]]]]]]] * 99, 10**4000, [10**9999], {"a": [10**9999]},
+@pytest.mark.parametrize("value", ["long " * 1000, [[[[[[[[1]]]]]]]] * 99, 10**4000, [10**9999],
+                                   {"a": [10**9999]},
                                    "a\nb\u2028c\x1b[2J"])
 def test_whatever_is_shown_is_short_and_on_one_line(value):
     assert len(shown(value)) <= 120 and len(shown(value).splitlines()) == 1 and "\x1b" not in shown(value)

@@ -17,7 +17,8 @@ def machine():
 
 def matrices(machine):
     model = machine.model()
-    return {name: getattr(model, name) for name in ("M", "G", "K", "C", "unbalance_sin", "unbalance_cos")} | {
+    return {name: getattr(model, name) for name in ("M", "G", "K", "C", "unbalance_sin",
+                                                    "unbalance_cos")} | {
         "pull": np.array(model.law.stiffness)}
 
 
@@ -33,11 +34,13 @@ def test_it_changes_what_it_says_and_nothing_else(machine, key, value, changed):
     assert {name for name in before if not np.array_equal(before[name], after[name])} == changed
     assert (new.speed == value) == (key == "speed")
     again = matrices(machine)
-    assert all(np.array_equal(before[name], again[name]) for name in before)  # the old machine is as it was
+    # the old machine is as it was
+    assert all(np.array_equal(before[name], again[name]) for name in before)
 
 
 def test_values_arrive(machine):
-    new = vary(machine, {"bodies.generator.mass": 1e5, "field": 0.3, "unbalance": 0.5, "speed": 12.0})
+    new = vary(machine, {"bodies.generator.mass": 1e5, "field": 0.3, "unbalance": 0.5,
+                         "speed": 12.0})
     assert new.bodies[0].mass == 1e5
     assert new.air_gap.field == 0.3
     assert new.speed == 12.0
@@ -69,7 +72,8 @@ def test_every_key_of_every_card(name):
             section, _, rest = key.partition(".")
             part_name, _, attribute = rest.rpartition(".")
             if part_name:
-                pool = {"bodies": machine.bodies, "bearings": (*machine.bearings, *machine.thrust_bearings)}[section]
+                pool = {"bodies": machine.bodies,
+                        "bearings": (*machine.bearings, *machine.thrust_bearings)}[section]
                 part = next(p for p in pool if p.name == part_name)
             else:
                 part = getattr(machine, section)
@@ -81,11 +85,13 @@ def test_every_key_of_every_card(name):
 
 def test_the_nodes_are_not_numbers(machine):
     assert not any(key.endswith(".node") for key in parameter_keys(machine))
-    with pytest.raises(BadInput, match=r"'bodies\.generator\.node' is not a number; this part has mass"):
+    with pytest.raises(BadInput,
+                       match=r"'bodies\.generator\.node' is not a number; this part has mass"):
         vary(machine, {"bodies.generator.node": 3})
 
 
-@pytest.mark.parametrize("key", ["colour", "bodies", "bodies.generator", "bodies.nobody.mass", "bearings..stiffness",
+@pytest.mark.parametrize("key", ["colour", "bodies", "bodies.generator", "bodies.nobody.mass",
+                                 "bearings..stiffness",
                                  "shaft.", "", "air_gap", "shaft.young.more"])
 def test_unknown_keys_list_the_known_ones(machine, key):
     with pytest.raises(BadInput, match="is not a number"):
@@ -99,7 +105,8 @@ def test_a_machine_without_the_part(machine):
     assert not any(key.startswith("air_gap") for key in parameter_keys(bare))
 
 
-@pytest.mark.parametrize(("key", "value"), [("bodies.generator.mass", -1.0), ("field", math.nan), ("speed", math.nan),
+@pytest.mark.parametrize(("key", "value"), [("bodies.generator.mass", -1.0), ("field", math.nan),
+                                            ("speed", math.nan),
                                             ("shaft.young", 0.0), ("unbalance", math.inf),
                                             ("bearings.generator guide bearing.stiffness", -1e9)])
 def test_values_are_checked_by_their_part(machine, key, value):
@@ -109,7 +116,8 @@ def test_values_are_checked_by_their_part(machine, key, value):
 
 def test_names_with_dots_and_spaces(machine):
     """The attribute is what stands after the last dot; a name may hold anything."""
-    dotted = replace(machine, bodies=tuple(replace(b, name=f"no. {i} of 2") for i, b in enumerate(machine.bodies)),
+    dotted = replace(machine, bodies=tuple(replace(b, name=f"no. {i} of 2")
+                                           for i, b in enumerate(machine.bodies)),
                      air_gap=replace(machine.air_gap, body="no. 0 of 2"))
     assert vary(dotted, {"bodies.no. 1 of 2.mass": 5e4}).bodies[1].mass == 5e4
     assert "bodies.no. 1 of 2.mass" in parameter_keys(dotted)

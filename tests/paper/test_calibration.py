@@ -50,7 +50,8 @@ def test_the_file_is_what_the_code_draws(family):
     from scipy.stats import qmc
     unit = qmc.LatinHypercube(len(FREE), seed=family.seed).random(drawn)
     for number in (0, 17):
-        free = {key: f.low + u * (f.high - f.low) for (key, f), u in zip(FREE.items(), unit[number], strict=True)}
+        free = {key: f.low + u * (f.high - f.low)
+                for (key, f), u in zip(FREE.items(), unit[number], strict=True)}
         for reading in ("with field", "without field"):
             kept = next(m for m in family.members if (m.number, m.reading) == (number, reading))
             again = calibrate(free, reading, number)
@@ -75,7 +76,8 @@ def test_stated_data_stay_as_stated(family, number):
 def test_shipped_unit_is_a_member_and_firm(family):
     unit = load_machine("kaplan-150rpm")
     assert 0.0890 <= first_fold(unit.model()) <= 0.0895
-    near = min(family.members, key=lambda m: abs(m.free["generator_mass"] - unit.body("generator").mass)
+    near = min(family.members, key=lambda m: abs(m.free["generator_mass"]
+                                                 - unit.body("generator").mass)
                + 1e4 * (m.reading != "with field"))
     changes = sensitivity(near)
     assert max(abs(changes[key]) for key in INERTIAS) <= LARGEST_SENSITIVITY
@@ -95,7 +97,8 @@ def test_equal_elements_do_not_fit():
 
 def test_a_draw_that_cannot_be_calibrated_says_why(family, monkeypatch):
     monkeypatch.setattr("hydrolab.paper.calibration.DEPTH_RANGE", (0.70, 0.72))
-    assert "no guide bearing between 0.7 and 0.72 m" in calibrate(family.members[0].free, "with field")
+    assert "no guide bearing between 0.7 and 0.72 m" in calibrate(family.members[0].free,
+                                                                  "with field")
 
 
 def test_unbalance_scale_refuses_an_anisotropic_machine():
@@ -105,7 +108,8 @@ def test_unbalance_scale_refuses_an_anisotropic_machine():
 
 def test_choice_prefers_claims_then_reach(family):
     a, b, c = family.members[:3]
-    verdicts = [Verdicts(a, "plain", {1: True, 2: False}, stable_reach=0.5), Verdicts(b, "S-shaped", {1: True, 2: True}),
+    verdicts = [Verdicts(a, "plain", {1: True, 2: False}, stable_reach=0.5),
+                Verdicts(b, "S-shaped", {1: True, 2: True}),
                 Verdicts(c, "S-shaped", {1: True, 2: True}, stable_reach=0.1)]
     assert choose(verdicts) == c
     assert tally(verdicts, 2) == {"plain": {"agree": 0, "of": 1}, "S-shaped": {"agree": 2, "of": 2}}
@@ -125,4 +129,5 @@ def test_a_member_can_be_read_back_from_its_machine(family):
     member = family.members[24]
     again = member_of(member.machine(), member.reading)
     assert again.free == pytest.approx(dict(member.free), rel=1e-12)
-    assert (again.bearing_depth, again.unbalance) == pytest.approx((member.bearing_depth, member.unbalance), rel=1e-12)
+    assert (again.bearing_depth, again.unbalance) == pytest.approx((member.bearing_depth,
+                                                                    member.unbalance), rel=1e-12)

@@ -1,4 +1,6 @@
-"""The table of faults: its rows are steady states, it reads as the orbits do, and its picture says what stands out."""
+"""The table of faults: its rows are steady states, it reads as the orbits do, and its picture says
+what stands out.
+"""
 
 from dataclasses import replace
 
@@ -36,9 +38,11 @@ def test_loose_pads_in_time(table):
     richer = HarmonicBalance(32).solve(model, UNIT.speed, 0.02, start=orbit)
     motion = integrate(model, RungeKutta(1e-8, 1e-11), speed=UNIT.speed, static_eccentricity=0.02,
                        revolutions=1, modes=None, start=richer)
-    assert np.abs(motion.coefficients(3) - richer.coefficients[:, :7]).max() < 2e-5 * richer.amplitudes.max()
+    assert np.abs(motion.coefficients(3)
+                  - richer.coefficients[:, :7]).max() < 2e-5 * richer.amplitudes.max()
     for k in (1, 2, 3):
-        assert ellipse(motion.coefficients(3), k).major == pytest.approx(table.row("pad clearance").size(k), rel=1e-3)
+        assert ellipse(motion.coefficients(3),
+                       k).major == pytest.approx(table.row("pad clearance").size(k), rel=1e-3)
 
 
 def test_without_the_field_no_fault_of_a_vertical_machine_makes_harmonics(table):
@@ -51,7 +55,8 @@ def test_without_the_field_no_fault_of_a_vertical_machine_makes_harmonics(table)
 def test_a_fault_without_a_steady_state_says_why():
     loose = next(f for f in typical_faults(UNIT) if f.name == "oil film").machine
     film = replace(loose.films[0], clearance=5e-4)
-    table = fault_table(UNIT, [Fault("wide film", replace(loose, films=(film,)), 0.05)], speeds=(UNIT.speed,))
+    table = fault_table(UNIT, [Fault("wide film", replace(loose, films=(film,)), 0.05)],
+                        speeds=(UNIT.speed,))
     row = table.row("wide film")
     assert row.orbit is None and row.shape is None and np.isnan(row.size(1))
     assert "no steady state found" in str(table)
@@ -76,7 +81,8 @@ def test_picture_and_reading_of_two_speeds(table):
     both = replace(table, rows=(*kept, *slow.rows))
     picture = fault_picture(both)
     shares = [slow.row(f.name, 1.0, rpm(120)).size(2) / table.row(f.name).size(2) for f in faults]
-    assert (f"At 120 rpm with the field on 2X is {shares[0]:.2f} (none) to {shares[1]:.2f} (breathing crack) times that at "
+    assert (f"At 120 rpm with the field on 2X is {shares[0]:.2f} (none) to {shares[1]:.2f} "
+            "(breathing crack) times that at "
             "150 rpm.") in picture.reading
     marks = [line for line in picture.figure.subfigs[1].axes[0].lines if line.get_marker() == "D"]
     assert [line.get_ydata()[1] for line in marks] == pytest.approx(

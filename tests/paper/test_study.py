@@ -54,14 +54,16 @@ def test_all_orbits_lie_on_the_first_leg(study):
     known = study.branch.static_eccentricity[leg], study.branch.amplitudes[leg, 0, 0]
     for percentage, orbit in study.orbits.items():
         assert orbit.static_eccentricity == pytest.approx(percentage / 100)
-        assert orbit.amplitudes[0, 0] == pytest.approx(np.interp(percentage / 100, *known), rel=0.02)
+        assert orbit.amplitudes[0, 0] == pytest.approx(np.interp(percentage / 100, *known),
+                                                       rel=0.02)
     growth = [orbit.amplitudes[0, 0] for orbit in study.orbits.values()]
     assert (np.diff(growth) > 0).all()
 
 
 def test_every_claim_is_judged_with_numbers(claims):
     assert [c.id for c in claims] == list(range(1, 13)) and len(CLAIMS) == 12
-    assert all(isinstance(c.holds, bool) and c.criterion and any(ch.isdigit() for ch in c.measured) for c in claims)
+    assert all(isinstance(c.holds, bool) and c.criterion and any(ch.isdigit() for ch in c.measured)
+               for c in claims)
 
 
 def test_the_sentence_about_stresses_is_printed_as_failed(claims):
@@ -70,9 +72,11 @@ def test_the_sentence_about_stresses_is_printed_as_failed(claims):
 
 def test_a_claim_fails_where_the_machine_is_plain(study):
     """Without field there is no 2X, no loop, no growth: the claims must say so."""
-    linear = {p: replace(o, local=np.where(np.arange(9) < 3, o.local, 0.0)) for p, o in study.orbits.items()}
+    linear = {p: replace(o, local=np.where(np.arange(9) < 3, o.local, 0.0))
+              for p, o in study.orbits.items()}
     centred = study.orbits[0.0]
-    linear = {p: replace(centred, static_eccentricity=o.static_eccentricity) for p, o in linear.items()}
+    linear = {p: replace(centred, static_eccentricity=o.static_eccentricity)
+              for p, o in linear.items()}
     held = {c.id: c.holds for c in judge(replace(study, orbits=linear))}
     assert not any(held[i] for i in (2, 3, 4, 5, 7, 9, 10))
 
@@ -83,7 +87,9 @@ def test_a_falsified_integration_fails_claim_1(study, claims):
 
 
 def test_stress_of_a_static_bend_against_beam_theory():
-    """A shaft bent statically while it turns: a fibre feels M c / I, fully reversed; a circular whirl feels nothing."""
+    """A shaft bent statically while it turns: a fibre feels M c / I, fully reversed; a circular
+    whirl feels nothing.
+    """
     machine = vary(load_machine("kaplan-150rpm"), {"unbalance": 0.0, "field": 0.0})
     model = machine.model()
     load = np.array([1e5, 0.0])
@@ -93,7 +99,8 @@ def test_stress_of_a_static_bend_against_beam_theory():
     shaft = np.zeros((model.size, 3))
     shaft[:, 0] = q
     object.__setattr__(orbit, "shaft", shaft)  # cached_property of a frozen result
-    # Above the guide bearing the moment grows from F·0.472 at the top to F·(0.472 + depth) at the bearing.
+    # Above the guide bearing the moment grows from F·0.472 at the top to F·(0.472 + depth) at the
+    # bearing.
     arm = 0.472 + machine.shaft.nodes[1]
     expected = load[0] * arm * (0.71 / 2) / (math.pi / 64 * 0.71**4)
     assert stress_fluctuation(machine.shaft, orbit) == pytest.approx(expected, rel=1e-6)
@@ -104,16 +111,21 @@ def test_ellipse_and_crossings_on_known_curves():
     e = ellipse(circle)
     assert (e.major, e.ratio, e.forward) == (2.0, 1.0, True)
     assert not ellipse(circle[::-1]).forward
-    tilted = ellipse(np.array([[0.0, 3 * math.sin(0.3), math.cos(0.3)], [0.0, 3 * math.cos(0.3), -math.sin(0.3)]]))
+    tilted = ellipse(np.array([[0.0, 3 * math.sin(0.3), math.cos(0.3)],
+                               [0.0, 3 * math.cos(0.3), -math.sin(0.3)]]))
     assert (tilted.major, tilted.minor, tilted.angle) == pytest.approx((3.0, 1.0, 0.3))
     def limacon(b):
-        return np.stack([np.sin(PHASE) + b * np.sin(2 * PHASE), np.cos(PHASE) + b * np.cos(2 * PHASE)])
+        return np.stack([np.sin(PHASE) + b * np.sin(2 * PHASE),
+                         np.cos(PHASE) + b * np.cos(2 * PHASE)])
     assert self_crossings(limacon(0.4)) == 0 and self_crossings(limacon(0.7)) == 1
-    assert self_crossings(np.stack([np.sin(PHASE + 0.01), np.sin(2 * PHASE)])) == 1  # a figure of eight
+    # a figure of eight
+    assert self_crossings(np.stack([np.sin(PHASE + 0.01), np.sin(2 * PHASE)])) == 1
 
 
 def test_report_lets_another_code_rebuild_the_study(study, claims):
-    """Rebuild the force balance from the JSON alone: the mean and 1X of the orbits solve the machine's equations."""
+    """Rebuild the force balance from the JSON alone: the mean and 1X of the orbits solve the
+    machine's equations.
+    """
     record = json.loads(json.dumps(report(study, claims)))
     assert record["schema"] == 1 and record["branch"]["folds"][0] == pytest.approx(study.limit)
     machine = record["machine"]
@@ -123,8 +135,10 @@ def test_report_lets_another_code_rebuild_the_study(study, claims):
     area, second = math.pi * shaft["diameter"]**2 / 4, math.pi * shaft["diameter"]**4 / 64
     for i, length in enumerate(np.diff(shaft["nodes"])):
         at = slice(4 * i, 4 * i + 8)
-        for matrix, part in zip((M, G, K), shaft_element(shaft["element"], length, shaft["young"], shaft["density"], area,
-                                                         second, shaft["poisson"], shaft["shear_coefficient"]),
+        for matrix, part in zip((M, G, K), shaft_element(shaft["element"], length, shaft["young"],
+                                                         shaft["density"], area,
+                                                         second, shaft["poisson"],
+                                                         shaft["shear_coefficient"]),
                                 strict=True):
             matrix[at, at] += part
     force = np.zeros(n, dtype=complex)
@@ -137,32 +151,38 @@ def test_report_lets_another_code_rebuild_the_study(study, claims):
         M[at, at] += link.T @ np.diag([body["mass"], body["mass"], body["Id"], body["Id"]]) @ link
         G[at, at] += link.T @ spin @ link
         turning = body["unbalance"] * np.exp(1j * body["phase"])
-        force[at] += link[:2].T @ [-1j * turning, turning]  # sin(Ωt + ψ) and cos(Ωt + ψ) as Re(… e^{iΩt})
+        # sin(Ωt + ψ) and cos(Ωt + ψ) as Re(… e^{iΩt})
+        force[at] += link[:2].T @ [-1j * turning, turning]
         if body["name"] == "generator":
             watch = np.zeros((2, n))
             watch[:, at] = link[:2]
     for bearing in machine["bearings"]:
         for dof in (0, 1):
             K[4 * bearing["node"] + dof, 4 * bearing["node"] + dof] += bearing["stiffness"]
-            K[4 * bearing["node"] + 2 + dof, 4 * bearing["node"] + 2 + dof] += bearing["tilt_stiffness"]
+            K[4 * bearing["node"] + 2 + dof,
+              4 * bearing["node"] + 2 + dof] += bearing["tilt_stiffness"]
     C = damping["alpha"] * M + damping["beta"] * K
     w = machine["speed_rpm"] * math.pi / 30
-    pull = math.pi * gap["field"]**2 * gap["mean_radius"] * gap["length"] / (4e-7 * math.pi * gap["gap"])
+    pull = math.pi * gap["field"]**2 * gap["mean_radius"] * gap["length"] / (4e-7 * math.pi
+                                                                             * gap["gap"])
     law = ShapedPull(pull, gap["gap"], np.full(256, gap["gap"]))
     for orbit in (*record["orbits"], *record["further_orbits"]):
         phase = 2 * math.pi * np.arange(256) / 256
-        series = [orbit[c]["mean"] + sum(a * np.cos(k * phase) + b * np.sin(k * phase) for k, (a, b) in enumerate(
+        series = [orbit[c]["mean"] + sum(a * np.cos(k * phase) + b * np.sin(k * phase)
+                                         for k, (a, b) in enumerate(
             zip(orbit[c]["cos"], orbit[c]["sin"], strict=True), 1)) for c in "xz"]
         position = np.array(series) - np.array([[orbit["static_eccentricity"] * gap["gap"]], [0.0]])
         spectrum = np.fft.rfft(law.force(position), axis=1) / 256
         for k in range(5):
             load = watch.T @ spectrum[:, k] * (2 if k else 1) + (w**2 * force if k == 1 else 0)
             answer = watch @ np.linalg.solve(K - (k * w)**2 * M + 1j * k * w * (C + w * G), load)
-            stated = [orbit[c]["cos"][k - 1] - 1j * orbit[c]["sin"][k - 1] if k else orbit[c]["mean"] for c in "xz"]
+            stated = [orbit[c]["cos"][k - 1] - 1j * orbit[c]["sin"][k - 1] if k
+                      else orbit[c]["mean"] for c in "xz"]
             assert np.abs(answer - stated).max() < 1e-9
 
 
-@pytest.mark.parametrize("changes", [{"air_gap": replace(load_machine("kaplan-150rpm").air_gap, tilt=True)},
+@pytest.mark.parametrize("changes", [{"air_gap": replace(load_machine("kaplan-150rpm").air_gap,
+                                                         tilt=True)},
                                      {"cracks": (Crack("crack", 2, 0.2),)}], ids=["tilt", "crack"])
 def test_the_study_of_a_machine_with_other_laws(changes):
     """A stiffer basis gets more steps, and every claim is still judged and reported."""
@@ -174,19 +194,25 @@ def test_the_study_of_a_machine_with_other_laws(changes):
 
 
 @pytest.mark.parametrize("changes", [
-    {"poles": Poles(19, pole_angle=0.37)}, {"shapes": (GapShape("oval", "stator", 2, 3.1e-4, 0.77),)},
-    {"air_gap": replace(load_machine("kaplan-150rpm").air_gap, tangential=0.123)}, {"cracks": (Crack("crack", 2, 0.213),)},
+    {"poles": Poles(19, pole_angle=0.37)}, {"shapes": (GapShape("oval", "stator", 2, 3.1e-4,
+                                                                0.77),)},
+    {"air_gap": replace(load_machine("kaplan-150rpm").air_gap, tangential=0.123)},
+    {"cracks": (Crack("crack", 2, 0.213),)},
     {"pad_bearings": (PadBearing("pads", 1, 8, 1.1e9, 1.7e-4),),
-     "films": (JournalFilm("film", 11, 0.041, 0.4, 0.3, 2e-4),)}, {}], ids=lambda changes: "+".join(changes) or "paper")
+     "films": (JournalFilm("film", 11, 0.041, 0.4, 0.3, 2e-4),)}, {}],
+                         ids=lambda changes: "+".join(changes) or "paper")
 def test_the_report_has_every_number_of_the_machine(study, changes):
-    """Each of `Machine.numbers` that is not zero, so that another code can rebuild a machine with other laws too."""
+    """Each of `Machine.numbers` that is not zero, so that another code can rebuild a machine with
+    other laws too.
+    """
     machine = replace(study.machine, **changes)
     record = json.loads(json.dumps(machine_record(replace(study, machine=machine))))
     assert set(changes) <= set(record)
 
     def leaves(value):
         if isinstance(value, dict | list):
-            return {leaf for v in (value.values() if isinstance(value, dict) else value) for leaf in leaves(v)}
+            return {leaf for v in (value.values() if isinstance(value, dict) else value)
+                    for leaf in leaves(v)}
         return {value}
     written = leaves(record)
     for key, value in machine.numbers().items():
@@ -204,14 +230,17 @@ def interrupted(at, *, revolutions=12):
 
 @pytest.mark.parametrize(("at", "left"), [(8.8, {1, 6}), (9.0, {6})])
 def test_an_interrupt_is_no_verdict(at, left):
-    """Neither a difference (claim 1) nor contact (claim 6) may be read from a motion that was cut off."""
+    """Neither a difference (claim 1) nor contact (claim 6) may be read from a motion that was cut
+    off.
+    """
     study = interrupted(at)
     assert study.interrupted and study.check.interrupted == (at == 8.8)
     claims = judge(study)
     assert {c.id for c in claims if c.holds is None} == left
     assert {c.id for c in claims if c.verdict == "not judged"} == left
     record = json.loads(json.dumps(report(study, claims)))
-    assert len(record["orbits"]) == 12 and len(record["branch"]["folds"]) == 3  # all that was computed is kept
+    # all that was computed is kept
+    assert len(record["orbits"]) == 12 and len(record["branch"]["folds"]) == 3
     assert {c["id"] for c in record["claims"] if c["holds"] is None} == left
     assert (record["time_integration"]["beyond"] is None) == (at == 8.8)
 
@@ -222,11 +251,14 @@ def test_command_after_an_interrupt(tmp_path, capsys, monkeypatch):
     assert main(["study", "--out", str(tmp_path), "--family"]) == 130
     printed = capsys.readouterr().out
     assert "not judged" in printed and "Stopped by Ctrl-C" in printed
-    assert [path.name for path in tmp_path.iterdir()] == ["report.json"]  # no figure of a motion that was cut off
+    # no figure of a motion that was cut off
+    assert [path.name for path in tmp_path.iterdir()] == ["report.json"]
 
 
 def test_a_family_that_is_cut_short(tmp_path, capsys, study, monkeypatch):
-    """An interrupt after two members, and a process that dies: what is done counts, and it is said how many."""
+    """An interrupt after two members, and a process that dies: what is done counts, and it is said
+    how many.
+    """
     import hydrolab.paper.calibration as family
     import hydrolab.paper.report as module
     monkeypatch.setattr(module, "run_study", lambda machine, tell: study)
@@ -241,9 +273,12 @@ def test_a_family_that_is_cut_short(tmp_path, capsys, study, monkeypatch):
 
 
 def test_the_family_belongs_to_the_shipped_card_alone(tmp_path, capsys):
-    """A copy with other numbers under the old name is a machine of its own, whose family is not known."""
+    """A copy with other numbers under the old name is a machine of its own, whose family is not
+    known.
+    """
     copy = tmp_path / "mine.toml"
-    copy.write_text(card_text("kaplan-150rpm").replace("field = {value = 0.5", "field = {value = 0.45"), encoding="utf-8")
+    copy.write_text(card_text("kaplan-150rpm").replace("field = {value = 0.5",
+                                                       "field = {value = 0.45"), encoding="utf-8")
     assert main(["study", str(copy), "--family", "--out", str(tmp_path / "out")]) == 2
     assert "mine.toml; the family is one of the paper's machine" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
@@ -273,7 +308,8 @@ def test_members_of_dead_workers_are_left_out(monkeypatch):
 
 
 def test_a_bar_follows_an_integration(monkeypatch):
-    """What the bar shows is what `progress` was told, and it does not stay open after an interrupt."""
+    """What the bar shows is what `progress` was told, and it does not stay open after an interrupt.
+    """
     shown = []
     monkeypatch.setattr("rich.progress.Progress.update", lambda self, task, completed: shown.append(
         (self.tasks[task].description, completed, self.tasks[task].total, self.live.is_started)))
@@ -286,13 +322,15 @@ def test_a_bar_follows_an_integration(monkeypatch):
         bars = tell.__closure__
         raise KeyboardInterrupt
     assert shown[-1][1:3] == (1, 2)
-    assert not next(c.cell_contents for c in bars if hasattr(c.cell_contents, "live")).live.is_started
+    assert not next(c.cell_contents for c in bars
+                    if hasattr(c.cell_contents, "live")).live.is_started
 
 
 def test_command_writes_its_report(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "120")
     import hydrolab.paper.report as module
-    monkeypatch.setattr(module, "run_study", lambda machine, tell: run_study(machine, tell, revolutions=60, ramp=20))
+    monkeypatch.setattr(module, "run_study", lambda machine,
+                        tell: run_study(machine, tell, revolutions=60, ramp=20))
     assert main(["study", "jeffcott", "--out", str(tmp_path), "--no-figures"]) == 0
     record = json.loads((tmp_path / "report.json").read_text())
     assert record["machine"]["shaft"] is None and all(c["family"] is None for c in record["claims"])
@@ -318,7 +356,8 @@ def test_a_part_s_name_is_no_formula(study):
     named = replace(study.machine, bearings=(replace(guide, name=r"guide $\frac $"), lower))
     figure = figure_7(replace(study, machine=named)).figure
     figure.canvas.draw()
-    assert any(r"guide \$\frac \$" in label.get_text() for axes in figure.axes for right in axes.child_axes
+    assert any(r"guide \$\frac \$" in label.get_text() for axes in figure.axes
+               for right in axes.child_axes
                for label in right.get_yticklabels())
 
 
@@ -336,7 +375,8 @@ def test_a_bad_card_is_one_sentence(tmp_path, capsys, edit, words):
 
 
 @pytest.mark.parametrize(("changes", "words"), [
-    ({"unbalance": 0.0}, "no unbalance"), ({"speed": 0.0}, "turning rotor"), ({"field": 0.0}, "needs a field"),
+    ({"unbalance": 0.0}, "no unbalance"), ({"speed": 0.0}, "turning rotor"),
+    ({"field": 0.0}, "needs a field"),
     ({"speed": rpm(0.001)}, "more than 8192 steps")])
 def test_what_cannot_be_studied(changes, words):
     with pytest.raises(BadInput, match=words):
@@ -349,6 +389,7 @@ def test_what_cannot_be_studied(changes, words):
 
 def test_a_field_too_strong_ends_in_a_sentence(capsys, tmp_path):
     card = tmp_path / "strong.toml"
-    card.write_text(card_text("kaplan-150rpm").replace("field = {value = 0.5", "field = {value = 2.0"), encoding="utf-8")
+    card.write_text(card_text("kaplan-150rpm").replace("field = {value = 0.5",
+                                                       "field = {value = 2.0"), encoding="utf-8")
     assert main(["study", str(card), "--out", str(tmp_path / "out"), "--no-figures"]) == 2
     assert "too strong for its bearings" in capsys.readouterr().err

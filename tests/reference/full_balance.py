@@ -1,8 +1,9 @@
 r"""The slow twin: harmonic balance over ALL degrees of freedom, as the paper writes it.
 
-Equations (14) to (19) of Villa, Carvalho and Salomon without any elimination: the real matrices Λ_i with
-K − (iΩ)² M on the diagonal and ∓iΩ (C + ΩG) beside it, H(Y) = ΛY − Z(Y), and Z by alternating frequency and
-time. Nothing here is shared with `condensation`, so each can be tested against the other.
+Equations (14) to (19) of Villa, Carvalho and Salomon without any elimination: the real matrices Λ_i
+with K − (iΩ)² M on the diagonal and ∓iΩ (C + ΩG) beside it, H(Y) = ΛY − Z(Y), and Z by alternating
+frequency and time. Nothing here is shared with `condensation`, so each can be tested against the
+other.
 """
 
 from __future__ import annotations
@@ -30,20 +31,24 @@ def solve_full(model: Model, speed: float, static_eccentricity: float = 0.0, har
                samples: int = 64, steps: int = 10, revolutions: int = 1) -> NDArray:
     """[mean, sin 1, cos 1, …] of every DOF in the steady state; shape (n, 2m + 1), m or rad.
 
-    The stator offset is along x. The pull and the offset are raised to their full size in `steps` steps, each solved by
-    Newton. revolutions: in a period; harmonic i has the frequency iΩ/revolutions.
-    Raises NoConvergence where Newton stops before the last step.
+    The stator offset is along x. The pull and the offset are raised to their full size in `steps`
+    steps, each solved by Newton. revolutions: in a period; harmonic i has the frequency
+    iΩ/revolutions. Raises NoConvergence where Newton stops before the last step.
     """
     n, columns = model.size, 2 * harmonics + 1
     turn = 2 * np.pi * np.arange(samples) / samples
     into_time = np.array([np.ones(samples)] + [wave(i * turn) for i in range(1, harmonics + 1)
-                                               for wave in (np.sin, np.cos)])  # Eq. (10), (2m + 1, N)
-    into_rate = np.array([np.zeros(samples)] + [i * speed / revolutions * wave for i in range(1, harmonics + 1)
-                                                for wave in (np.cos(i * turn), -np.sin(i * turn))])  # Eq. (11)
+                                               # Eq. (10), (2m + 1, N)
+                                               for wave in (np.sin, np.cos)])
+    into_rate = np.array([np.zeros(samples)]
+                         + [i * speed / revolutions * wave for i in range(1, harmonics + 1)
+                                                # Eq. (11)
+                                                for wave in (np.cos(i * turn), -np.sin(i * turn))])
     into_coefficients = 2 / samples * into_time.T
     into_coefficients[:, 0] /= 2  # Eq. (13), (N, 2m + 1)
     phase = revolutions * turn
-    unbalance = speed**2 * (np.outer(model.unbalance_sin, np.sin(phase)) + np.outer(model.unbalance_cos, np.cos(phase)))
+    unbalance = speed**2 * (np.outer(model.unbalance_sin,
+                                     np.sin(phase)) + np.outer(model.unbalance_cos, np.cos(phase)))
     constant = dynamic_matrix(model, speed, harmonics, revolutions)
     offset = static_eccentricity * model.gap if static_eccentricity else 0.0
     S = model.selection
@@ -55,20 +60,25 @@ def solve_full(model: Model, speed: float, static_eccentricity: float = 0.0, har
         for _ in range(30):
             X = Y.reshape(columns, n).T
             place, rate = S @ X @ into_time - centre, S @ X @ into_rate
-            pull, slope, damping = law.linearise_at(place, rate, phase, speed) if law.moving else (*law.linearise(place), 0)
+            pull, slope, damping = law.linearise_at(place, rate, phase,
+                                                    speed) if law.moving else (*law.linearise(place), 0)
             H = constant @ Y - ((unbalance + S.T @ pull) @ into_coefficients).T.ravel()
             # ∂Z_k/∂Y_l = Sᵀ [Σ_t into_coefficients(t, k) ∂F/∂u(t) into_time(l, t)] S
             between = np.einsum("tk,ijt,lt->kilj", into_coefficients, slope, into_time)
             if law.moving:
                 between += np.einsum("tk,ijt,lt->kilj", into_coefficients, damping, into_rate)
-            J = constant - np.einsum("ia,kilj,jb->kalb", S, between, S).reshape(n * columns, n * columns)
+            J = constant - np.einsum("ia,kilj,jb->kalb", S, between, S).reshape(n * columns,
+                                                                                n * columns)
             if not np.isfinite(H).all():
-                raise NoConvergence(f"The full harmonic balance left the gap at {100 * ratio:.0f} % of the pull.")
+                raise NoConvergence(f"The full harmonic balance left the gap at {100 * ratio:.0f} "
+                                    "% of the pull.")
             step = np.linalg.solve(J, H)
             Y = Y - step
             if np.abs(step).max() < 1e-13 * np.abs(Y).max():
                 break
         else:
-            raise NoConvergence(f"The full harmonic balance stopped at {100 * ratio:.0f} % of the pull and offset, "
-                                f"last step {np.abs(step).max():.1e} m; raise `steps`, or a fold is near.")
+            raise NoConvergence(f"The full harmonic balance stopped at {100 * ratio:.0f} % of the "
+                                "pull and offset, "
+                                f"last step {np.abs(step).max():.1e} m; raise `steps`, or a fold "
+                                "is near.")
     return Y.reshape(columns, n).T

@@ -1,4 +1,6 @@
-"""The exercises, one module a chapter (`ch02` for chapter 2), each with a dictionary `EXERCISES` by number."""
+"""The exercises, one module a chapter (`ch02` for chapter 2), each with a dictionary `EXERCISES` by
+number.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +13,10 @@ from hydrolab.errors import BadInput
 
 def chapters() -> dict[int, dict[str, Exercise]]:
     """The exercises of every chapter that has some, by chapter and number."""
-    names = sorted(module.name for module in pkgutil.iter_modules(__path__) if module.name[:2] == "ch")
-    return {int(name[2:]): importlib.import_module(f"{__name__}.{name}").EXERCISES for name in names}
+    names = sorted(module.name for module in pkgutil.iter_modules(__path__)
+                   if module.name[:2] == "ch")
+    return {int(name[2:]): importlib.import_module(f"{__name__}.{name}").EXERCISES
+            for name in names}
 
 
 def exercise(number: str) -> Exercise:

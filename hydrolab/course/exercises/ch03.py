@@ -1,4 +1,6 @@
-"""Chapter 3: the step limit, the frequency error, a damped method's order, how long a transient lasts."""
+"""Chapter 3: the step limit, the frequency error, a damped method's order, how long a transient
+lasts.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ def omega() -> float:
 
 def motion(method: Newmark | RungeKutta) -> Trajectory:
     """Ten revolutions after the field was switched on at 5 %."""
-    return integrate(model(), method, speed=speed(), static_eccentricity=0.05, revolutions=10, modes=None)
+    return integrate(model(), method, speed=speed(), static_eccentricity=0.05, revolutions=10,
+                     modes=None)
 
 
 @cache
@@ -55,20 +58,29 @@ def left(revolutions: float) -> str:
 LIMIT, ORDER = "How large may the step be", "The order, measured"
 
 EXERCISES = {
-    "3.1": Exercise(lambda: math.ceil(math.pi * 2 * math.pi * 3000 / speed()), see="Eq. (3.4)", rtol=1e-4, mistakes=(
-        Mistake(lambda right: right / (2 * math.pi), "Here 3 kHz stands where rad/s belong.", see=LIMIT),
+    "3.1": Exercise(lambda: math.ceil(math.pi * 2 * math.pi * 3000 / speed()), see="Eq. (3.4)",
+                    rtol=1e-4, mistakes=(
+        Mistake(lambda right: right / (2 * math.pi), "Here 3 kHz stands where rad/s belong.",
+                see=LIMIT),
         Mistake(lambda right: 2 * right, "The limit of ω Δt is 2, not 1.", see=LIMIT),
-        Mistake(lambda right: right * speed() / 150, "This divides by 150, the speed in rpm.", see=LIMIT),
+        Mistake(lambda right: right * speed() / 150, "This divides by 150, the speed in rpm.",
+                see=LIMIT),
     )),
-    "3.2": Exercise(lambda: 2 * math.pi * omega() / speed() / math.sqrt(24e-4), see="Eq. (3.5)", rtol=0.01, mistakes=(
-        Mistake(lambda right: right * math.sqrt(2), "The 12 belongs to Newmark; central differences have 24.", see=LIMIT),
+    "3.2": Exercise(lambda: 2 * math.pi * omega() / speed() / math.sqrt(24e-4), see="Eq. (3.5)",
+                    rtol=0.01, mistakes=(
+        Mistake(lambda right: right * math.sqrt(2), "The 12 belongs to Newmark; central "
+                                                    "differences have 24.", see=LIMIT),
         Mistake(lambda right: right / (2 * math.pi), "A revolution has 2π radians.", see=LIMIT),
-        Mistake(lambda right: 2 * math.pi * omega() / speed() / 24e-4, "The step enters with its square.", see=LIMIT),
+        Mistake(lambda right: 2 * math.pi * omega() / speed() / 24e-4,
+                "The step enters with its square.", see=LIMIT),
     )),
     "3.3": Exercise(damped_order, see=ORDER, rtol=0.03, mistakes=(
-        Mistake(lambda right: 2.0, "This is the order of the undamped method; measure this one.", see=ORDER),
-        Mistake(lambda right: -right, "The error falls with the step; turn the ratio over.", see=ORDER),
-        Mistake(lambda right: right * math.log(2), "The logarithm must have the base by which the step changed.", see=ORDER),
+        Mistake(lambda right: 2.0, "This is the order of the undamped method; measure this one.",
+                see=ORDER),
+        Mistake(lambda right: -right, "The error falls with the step; turn the ratio over.",
+                see=ORDER),
+        Mistake(lambda right: right * math.log(2), "The logarithm must have the base by which the "
+                                                   "step changed.", see=ORDER),
     )),
     "3.4": Exercise(lambda: 300, see="A spectrum", reply=left),
 }

@@ -43,7 +43,8 @@ def model() -> Model:
 def orbit(harmonics: int, cubic: bool = False) -> PeriodicOrbit:
     """The steady state at 7 %, with the whole pull or to its cubic term."""
     law = CubicPull(model().law.stiffness, model().gap) if cubic else model().law
-    return HarmonicBalance(harmonics).solve(replace(model(), law=law), load_machine("jeffcott").speed, ECCENTRICITY)
+    return HarmonicBalance(harmonics).solve(replace(model(), law=law),
+                                            load_machine("jeffcott").speed, ECCENTRICITY)
 
 
 def kept(harmonics: float) -> str:
@@ -59,22 +60,31 @@ MANY, BACK = "Any number of harmonics", "Time and back"
 
 EXERCISES = {
     "4.1": Exercise(lambda: 3 * (2 * 8 + 1), see=MANY, rtol=1e-3, mistakes=(
-        Mistake(lambda right: 3 * 2 * 8, "The mean is an unknown too, one for each coordinate.", see=MANY),
+        Mistake(lambda right: 3 * 2 * 8, "The mean is an unknown too, one for each coordinate.",
+                see=MANY),
         Mistake(lambda right: 3 * (8 + 1), "Each harmonic has a sine and a cosine.", see=MANY),
         Mistake(lambda right: 2 * (2 * 8 + 1), "There are three coordinates here.", see=MANY),
     )),
     "4.2": Exercise(lambda: 3 * 4 + 4 + 1, see=BACK, rtol=1e-3, mistakes=(
-        Mistake(lambda right: 3 * 4 + 1, "This keeps the mean clean; the first four harmonics want more.", see=BACK),
-        Mistake(lambda right: 2 * (3 * 4) + 1, "This finds all twelve harmonics of the force; only four are asked for.",
+        Mistake(lambda right: 3 * 4 + 1, "This keeps the mean clean; the first four harmonics want "
+                                         "more.", see=BACK),
+        Mistake(lambda right: 2 * (3 * 4) + 1, "This finds all twelve harmonics of the force; only "
+                                               "four are asked for.",
                 see=BACK),
-        Mistake(lambda right: right - 1, "With this number the twelfth harmonic still falls on the fourth.", see=BACK),
-        Mistake(lambda right: 2 * 4 + 1, "This is enough for the motion, not for its cube.", see=BACK),
+        Mistake(lambda right: right - 1, "With this number the twelfth harmonic still falls on the "
+                                         "fourth.", see=BACK),
+        Mistake(lambda right: 2 * 4 + 1, "This is enough for the motion, not for its cube.",
+                see=BACK),
     )),
-    "4.3": Exercise(lambda: 1e6 * orbit(4, True).amplitudes[0, 1], see="By hand: the rotor", unit="µm", rtol=0.005,
+    "4.3": Exercise(lambda: 1e6 * orbit(4, True).amplitudes[0, 1], see="By hand: the rotor",
+                    unit="µm", rtol=0.005,
                     mistakes=(
-        Mistake(lambda right: 1e6 * orbit(4).amplitudes[0, 1], "This is with the whole pull.", see="By hand: the rotor"),
-        Mistake(lambda right: 2 * right, "This is peak to peak; amplitudes are 0-to-peak here.", see="By hand: the rotor"),
-        Mistake(lambda right: right / np.sqrt(2), "This is the rms value of the harmonic.", see="By hand: the rotor"),
+        Mistake(lambda right: 1e6 * orbit(4).amplitudes[0, 1], "This is with the whole pull.",
+                see="By hand: the rotor"),
+        Mistake(lambda right: 2 * right, "This is peak to peak; amplitudes are 0-to-peak here.",
+                see="By hand: the rotor"),
+        Mistake(lambda right: right / np.sqrt(2), "This is the rms value of the harmonic.",
+                see="By hand: the rotor"),
     )),
     "4.4": Exercise(lambda: 4, see="How many harmonics", reply=kept),
 }

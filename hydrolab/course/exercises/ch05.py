@@ -1,4 +1,6 @@
-"""Chapter 5: the fold of an ellipse, the field that moves a fold, a branch over the speed, and an unguarded product."""
+"""Chapter 5: the fold of an ellipse, the field that moves a fold, a branch over the speed, and an
+unguarded product.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +37,8 @@ def ellipse(y: NDArray, parameter: float) -> tuple[NDArray, NDArray, NDArray]:
 def fold_of_ellipse() -> float:
     """The fold at a positive λ."""
     walk = islice(arclength(ellipse, np.array([1.0]), 0.0, step=0.1, max_step=0.1), 120)
-    return max(locate_fold(ellipse, a, b).parameter for a, b in pairwise(walk) if a.tangent[-1] * b.tangent[-1] < 0)
+    return max(locate_fold(ellipse, a, b).parameter for a, b in pairwise(walk)
+               if a.tangent[-1] * b.tangent[-1] < 0)
 
 
 @cache
@@ -46,7 +49,8 @@ def branch() -> Branch:
 
 def fold_with_field(ratio: float) -> float:
     """The first fold, as a fraction of the gap, with the field times a factor."""
-    return follow(model().with_field(ratio), "static_eccentricity", to=0.5, speed=rpm(150)).folds[0].value
+    return follow(model().with_field(ratio), "static_eccentricity", to=0.5,
+                  speed=rpm(150)).folds[0].value
 
 
 @cache
@@ -72,11 +76,14 @@ def trapped(answer: list[float]) -> str:
     if not (0 <= row < len(branch()) and 1 <= steps <= MOST_STEPS):
         return f"a point from 0 to {len(branch()) - 1} and from 1 to {MOST_STEPS} steps are asked for; these are {answer}."
     orbit, guarded = branch()[row], floquet(branch()[row])
-    product = strang_product(split(model(), rpm(150), 2), orbit.coefficients[None], orbit.centre[None], steps)[0]
+    product = strang_product(split(model(), rpm(150), 2), orbit.coefficients[None],
+                             orbit.centre[None], steps)[0]
     largest = abs(np.linalg.eigvals(product)).max()
     caught = largest < 1 and guarded.verdict == "unstable"
-    return (f"noted. At point {row}, {branch().path.say(branch().values[row])}, {steps} steps give {largest:.3f} and the "
-            f"guarded product says {guarded.verdict}: {'a trap' if caught else 'no trap; look nearer to a fold'}.")
+    return (f"noted. At point {row}, {branch().path.say(branch().values[row])}, {steps} steps give "
+            f"{largest:.3f} and the "
+            f"guarded product says {guarded.verdict}: "
+            f"{'a trap' if caught else 'no trap; look nearer to a fold'}.")
 
 
 EXERCISES = {
@@ -86,12 +93,14 @@ EXERCISES = {
         Mistake(lambda right: right**2, "The factor stands inside the square."),
     )),
     "5.2": Exercise(lambda: field_factor(0.05), see="The rotor that whirls", rtol=0.002, mistakes=(
-        Mistake(lambda right: right**2, "This is the factor on the pull, which grows with the square of the field."),
+        Mistake(lambda right: right**2, "This is the factor on the pull, which grows with the "
+                                        "square of the field."),
         Mistake(lambda right: 1 / right, "More field brings the fold down, not less."),
         Mistake(lambda right: field_factor(0.10), "This brings the fold to 10 % of the gap."),
     )),
     "5.3": Exercise(lambda: over_speed(0.03), see="Eq. (5.1)", measure=folds, mistakes=(
-        Mistake(lambda right: over_speed(0.0), "The stator stands in the centre here; give `static_eccentricity`."),
+        Mistake(lambda right: over_speed(0.0), "The stator stands in the centre here; give "
+                                               "`static_eccentricity`."),
         Mistake(lambda right: over_speed(0.05), "This is the branch at 5 %."),
         Mistake(lambda right: branch(), "This follows the eccentricity; follow the speed."),
     )),

@@ -1,4 +1,6 @@
-"""Chapter 6: the stiffness of a beam, the split of its whirl by the spin, its mass matrix, how many elements."""
+"""Chapter 6: the stiffness of a beam, the split of its whirl by the spin, its mass matrix, how many
+elements.
+"""
 
 from __future__ import annotations
 
@@ -55,8 +57,10 @@ def frequency(count: int) -> float:
 
     size = 4 * count + 4
     M, K = np.zeros((size, size)), np.zeros((size, size))
-    m, _, k = shaft_element("timoshenko", shaft().length / count, shaft().young, shaft().density, float(shaft().area[0]),
-                            float(shaft().second_moment[0]), shaft().poisson, shaft().shear_coefficient)
+    m, _, k = shaft_element("timoshenko", shaft().length / count, shaft().young, shaft().density,
+                            float(shaft().area[0]),
+                            float(shaft().second_moment[0]), shaft().poisson,
+                            shaft().shear_coefficient)
     for i in range(count):
         M[4 * i:4 * i + 8, 4 * i:4 * i + 8] += m
         K[4 * i:4 * i + 8, 4 * i:4 * i + 8] += k
@@ -76,19 +80,27 @@ STIFF, EXACT, MASS = "Stiffness from energy, by hand", "Against the exact shaft"
 
 EXERCISES = {
     "6.1": Exercise(lambda: middle() / 1e6, see="Eq. (6.7)", unit="MN/m", mistakes=(
-        Mistake(lambda right: 16 * right, "The diameter was taken for the radius: I goes with the fourth power.", see=STIFF),
-        Mistake(lambda right: right / 16, "This is a cantilever's stiffness at its end.", see=STIFF),
+        Mistake(lambda right: 16 * right, "The diameter was taken for the radius: I goes with the "
+                                          "fourth power.", see=STIFF),
+        Mistake(lambda right: right / 16, "This is a cantilever's stiffness at its end.",
+                see=STIFF),
         Mistake(lambda right: 4 * right, "This is for ends that cannot turn.", see=STIFF),
     )),
     "6.2": Exercise(split, see="Eq. (6.5)", rtol=0.01, mistakes=(
-        Mistake(lambda right: right / 2, "This is the distance from the frequency at rest.", see=EXACT),
-        Mistake(lambda right: -right / (1 + right / 100), "This is backward over forward; turn the ratio over.", see=EXACT),
-        Mistake(lambda right: 100 * (whirl(1, SPEED)[1] / -whirl(1, SPEED)[0] - 1), "This is the first mode.", see=EXACT),
-        Mistake(lambda right: right * math.pi / 30, "500 was taken for rpm; it is in rad/s.", see=EXACT),
+        Mistake(lambda right: right / 2, "This is the distance from the frequency at rest.",
+                see=EXACT),
+        Mistake(lambda right: -right / (1 + right / 100), "This is backward over forward; turn the "
+                                                          "ratio over.", see=EXACT),
+        Mistake(lambda right: 100 * (whirl(1, SPEED)[1] / -whirl(1, SPEED)[0] - 1),
+                "This is the first mode.", see=EXACT),
+        Mistake(lambda right: right * math.pi / 30, "500 was taken for rpm; it is in rad/s.",
+                see=EXACT),
     )),
     "6.3": Exercise(mass_share, see=MASS, rtol=0.002, mistakes=(
-        Mistake(lambda right: 0.5, "Half the mass at each end is the lumped matrix, not this one.", see=MASS),
-        Mistake(lambda right: 1 / 3, "This is a rod with a straight shape; here the shape is a cubic.", see=MASS),
+        Mistake(lambda right: 0.5, "Half the mass at each end is the lumped matrix, not this one.",
+                see=MASS),
+        Mistake(lambda right: 1 / 3, "This is a rod with a straight shape; here the shape is a "
+                                     "cubic.", see=MASS),
         Mistake(lambda right: 9 / 70, "This is the coupling of the two ends.", see=MASS),
     )),
     "6.4": Exercise(lambda: 20, see="How it converges", reply=kept),

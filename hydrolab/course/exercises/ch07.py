@@ -48,7 +48,9 @@ def beta(ratio: float) -> float:
 
 
 def runaway(factor: float) -> str:
-    """Where the first forward critical speed is, with the linear pull, for a stiffer or softer guide bearing."""
+    """Where the first forward critical speed is, with the linear pull, for a stiffer or softer
+    guide bearing.
+    """
     if not 0.3 <= factor <= 100:
         return f"noted, but {factor:g} is no factor from 0.3 to 100."
     model = vary(unit(), {BEARING: factor * unit().bearings[0].stiffness[0, 0]}).model()
@@ -67,22 +69,30 @@ ARM, CRITICAL, DAMPING = "A body at the end of an arm", "Critical speeds, by han
 
 EXERCISES = {
     "7.1": Exercise(lambda: inertia() / 1e3, see="Eq. (7.2)", mistakes=(
-        Mistake(lambda right: unit().body("generator").Id / 1e3, "The arm is missing: Steiner's theorem.", see=ARM),
-        Mistake(lambda right: (unit().body("generator").Ip + inertia() - unit().body("generator").Id) / 1e3,
+        Mistake(lambda right: unit().body("generator").Id / 1e3, "The arm is missing: Steiner's "
+                "theorem.", see=ARM),
+        Mistake(lambda right: (unit().body("generator").Ip + inertia()
+                               - unit().body("generator").Id) / 1e3,
                 "This has Ip in place of Id.", see=ARM),
         Mistake(lambda right: 1e3 * right, "This is in kg m².", see=ARM),
     ), rtol=0.005),
-    "7.2": Exercise(lambda: float(crossings().critical_speeds[2] / rpm(1)), see="Eq. (7.5)", unit="rpm", rtol=0.005,
+    "7.2": Exercise(lambda: float(crossings().critical_speeds[2] / rpm(1)), see="Eq. (7.5)",
+                    unit="rpm", rtol=0.005,
                     mistakes=(
-        Mistake(lambda right: float(crossings().hertz[0, 2] * 60), "This is the third natural frequency at rest.",
+        Mistake(lambda right: float(crossings().hertz[0, 2] * 60), "This is the third natural "
+                "frequency at rest.",
                 see=CRITICAL),
-        Mistake(lambda right: float(crossings().critical_speeds[1] / rpm(1)), "This is the second one.", see=CRITICAL),
-        Mistake(lambda right: float(crossings().critical_speeds[3] / rpm(1)), "This is the fourth one.", see=CRITICAL),
+        Mistake(lambda right: float(crossings().critical_speeds[1] / rpm(1)),
+                "This is the second one.", see=CRITICAL),
+        Mistake(lambda right: float(crossings().critical_speeds[3] / rpm(1)),
+                "This is the fourth one.", see=CRITICAL),
     )),
     "7.3": Exercise(lambda: 1e3 * beta(0.05), see="Eq. (7.6)", unit="ms", mistakes=(
         Mistake(lambda right: right / 5, "This is for 1 %.", see=DAMPING),
-        Mistake(lambda right: 2 * np.pi * right, "Frequencies in Hz stand where rad/s belong.", see=DAMPING),
-        Mistake(lambda right: right / 2, "The ratio is βω/2, so β has a factor of two.", see=DAMPING),
+        Mistake(lambda right: 2 * np.pi * right, "Frequencies in Hz stand where rad/s belong.",
+                see=DAMPING),
+        Mistake(lambda right: right / 2, "The ratio is βω/2, so β has a factor of two.",
+                see=DAMPING),
     )),
     "7.4": Exercise(lambda: 1.7, see="The unit and its runaway", reply=runaway),
 }

@@ -1,4 +1,5 @@
-"""Chapter 8: the stiffness at the generator, the readings of 200 µm, and another machine that fits."""
+"""Chapter 8: the stiffness at the generator, the readings of 200 µm, and another machine that fits.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ def kappa(depth: float, *, link: float = LINK, span_from: float | None = None, b
           shear: float = 1.0) -> float:
     """Stiffness at the generator over the pull's, Eq. (8.1), for a guide bearing at a depth, m.
 
-    span_from: depth from which the span to the turbine bearing is counted. bending, shear: factors on these parts.
+    span_from: depth from which the span to the turbine bearing is counted. bending, shear: factors
+    on these parts.
     """
     shaft = unit().shaft
     guide, turbine = (bearing.stiffness[0, 0] for bearing in unit().bearings)
@@ -63,8 +65,10 @@ def another_machine(mass: float) -> str:
     found = calibrate({**ours.free, "generator_mass": 1e3 * mass}, "with field")
     if not isinstance(found, Member):
         return f"noted. Such a machine cannot be calibrated: {found}."
-    return (f"noted. It fits what is stated with its guide bearing at {found.bearing_depth:.3f} m and unbalances of "
-            f"{found.unbalance:.1f} kg m together; ours has {ours.bearing_depth:.3f} m and {ours.unbalance:.1f} kg m.")
+    return (f"noted. It fits what is stated with its guide bearing at {found.bearing_depth:.3f} m "
+            "and unbalances of "
+            f"{found.unbalance:.1f} kg m together; ours has {ours.bearing_depth:.3f} m and "
+            f"{ours.unbalance:.1f} kg m.")
 
 
 STIFF = "How stiff is the shaft at the generator"
@@ -72,30 +76,45 @@ READINGS = "Two readings of 200 µm"
 
 EXERCISES = {
     "8.1": Exercise(lambda: kappa(EQUAL), see="Eq. (8.1)", mistakes=(
-        Mistake(lambda right: right * model().law.stiffness / 1e6, "This is the stiffness in MN/m; κ is its ratio to "
+        Mistake(lambda right: right * model().law.stiffness / 1e6, "This is the stiffness in MN/m; "
+                "κ is its ratio to "
                 "the pull's.", see=STIFF),
-        Mistake(lambda right: right * model().law.stiffness, "This is the stiffness in N/m; κ is its ratio to the "
+        Mistake(lambda right: right * model().law.stiffness, "This is the stiffness in N/m; κ is "
+                "its ratio to the "
                 "pull's.", see=STIFF),
-        Mistake(lambda right: 1 / right, "This is the pull over the stiffness, upside down.", see=STIFF),
-        Mistake(lambda right: kappa(EQUAL, link=0.0), "The force acts at the generator centre, which stands above the "
+        Mistake(lambda right: 1 / right, "This is the pull over the stiffness, upside down.",
+                see=STIFF),
+        Mistake(lambda right: kappa(EQUAL, link=0.0), "The force acts at the generator centre, "
+                                                      "which stands above the "
                 "shaft top.", see=STIFF),
-        Mistake(lambda right: kappa(2 * EQUAL), "That is the second node below the shaft top.", see=STIFF),
-        Mistake(lambda right: kappa(EQUAL, bending=1 / 16), "In I a diameter was taken for a radius: it makes the shaft "
+        Mistake(lambda right: kappa(2 * EQUAL), "That is the second node below the shaft top.",
+                see=STIFF),
+        Mistake(lambda right: kappa(EQUAL, bending=1 / 16), "In I a diameter was taken for a "
+                "radius: it makes the shaft "
                 "16 times too stiff in bending."),
     )),
     "8.2": Exercise(lambda: factor(AMPLITUDE / 2), see="Eq. (8.3)", mistakes=(
-        Mistake(lambda right: factor(2 * AMPLITUDE), "Peak-to-peak is twice the radius, not half of it.", see=READINGS),
-        Mistake(lambda right: factor(AMPLITUDE), "This keeps the radius of the card.", see=READINGS),
-        Mistake(lambda right: factor(AMPLITUDE / 2, False), "This is without field; the colleague counts with it.",
+        Mistake(lambda right: factor(2 * AMPLITUDE), "Peak-to-peak is twice the radius, not half "
+                                                     "of it.", see=READINGS),
+        Mistake(lambda right: factor(AMPLITUDE), "This keeps the radius of the card.",
                 see=READINGS),
-        Mistake(lambda right: right * 2**0.5, "This is for an rms value; peak-to-peak is asked for.", see=READINGS),
+        Mistake(lambda right: factor(AMPLITUDE / 2, False), "This is without field; the colleague "
+                "counts with it.",
+                see=READINGS),
+        Mistake(lambda right: right * 2**0.5,
+                "This is for an rms value; peak-to-peak is asked for.", see=READINGS),
     )),
-    "8.3": Exercise(lambda: fold_percent(factor(AMPLITUDE / 2)), see="One depth for one fold", unit="%", mistakes=(
-        Mistake(lambda right: fold_percent(1.0), "This is the fold with the card's unbalances.", see=READINGS),
-        Mistake(lambda right: fold_percent(factor(2 * AMPLITUDE)), "This machine has too much unbalance: peak-to-peak is "
+    "8.3": Exercise(lambda: fold_percent(factor(AMPLITUDE / 2)), see="One depth for one fold",
+                    unit="%", mistakes=(
+        Mistake(lambda right: fold_percent(1.0), "This is the fold with the card's unbalances.",
+                see=READINGS),
+        Mistake(lambda right: fold_percent(factor(2 * AMPLITUDE)), "This machine has too much "
+                "unbalance: peak-to-peak is "
                 "twice the radius.", see=READINGS),
-        Mistake(lambda right: fold_percent(0.0), "This is the static pull-in, without any unbalance."),
-        Mistake(lambda right: fold_percent(factor(AMPLITUDE / 2, False)), "This counts the 200 µm without field.",
+        Mistake(lambda right: fold_percent(0.0), "This is the static pull-in, without any "
+                                                 "unbalance."),
+        Mistake(lambda right: fold_percent(factor(AMPLITUDE / 2, False)),
+                "This counts the 200 µm without field.",
                 see=READINGS),
     )),
     "8.4": Exercise(lambda: 80.0, see="One depth for one fold", reply=another_machine),

@@ -1,4 +1,6 @@
-"""Chapter 10: the gap that is left, where vibration has doubled, where the fold goes, and what warns of it."""
+"""Chapter 10: the gap that is left, where vibration has doubled, where the fold goes, and what
+warns of it.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +25,8 @@ def model() -> Model:
 @cache
 def orbit(eccentricity: float) -> PeriodicOrbit:
     """Its steady state at 150 rpm."""
-    return HarmonicBalance(harmonics=4).solve(model(), load_machine("kaplan-150rpm").speed, eccentricity)
+    return HarmonicBalance(harmonics=4).solve(model(), load_machine("kaplan-150rpm").speed,
+                                              eccentricity)
 
 
 @cache
@@ -37,14 +40,16 @@ def on_first_leg() -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Eccentricity, %, and the readings one may watch, each growing, along the first leg."""
     leg = branch().first_leg
     size = branch().amplitudes[leg]
-    watched = (size[:, 0, 0], size[:, 0, 1], size[:, 0, 0] / size[:, 1, 0], -branch().coefficients[leg, 0, 0])
+    watched = (size[:, 0, 0], size[:, 0, 1], size[:, 0, 0] / size[:, 1, 0],
+               -branch().coefficients[leg, 0, 0])
     return 100 * branch().static_eccentricity[leg], dict(zip(READINGS, watched, strict=True))
 
 
 def grown_at(reading: str, factor: float, since: float = 0.0) -> float:
     """Eccentricity, %, at which a reading is `factor` times what it was at `since` %."""
     late, watched = on_first_leg()
-    return float(np.interp(factor * np.interp(since, late, watched[reading]), watched[reading], late))
+    return float(np.interp(factor * np.interp(since, late, watched[reading]), watched[reading],
+                           late))
 
 
 def warnings() -> dict[str, float]:
@@ -58,29 +63,41 @@ def said_of(reading: str) -> str:
     first = min(warnings(), key=warnings().__getitem__)
     chosen = "is the first" if reading.strip().lower() == first.lower() else f"comes after {first}"
     return (f"noted. From 8 % on, each has grown by a quarter at: {late}; the fold is at "
-            f"{100 * branch().folds[0].value:.2f} %. {reading} {chosen}. Ask also what else could have moved it.")
+            f"{100 * branch().folds[0].value:.2f} %. {reading} {chosen}. Ask also what else could "
+            "have moved it.")
 
 
 EXERCISES = {
-    "10.1": Exercise(lambda: 1e3 * orbit(0.05).smallest_gap, see="Figures 5, 6 and 7", unit="mm", rtol=0.002, mistakes=(
+    "10.1": Exercise(lambda: 1e3 * orbit(0.05).smallest_gap, see="Figures 5, 6 and 7", unit="mm",
+                     rtol=0.002, mistakes=(
         Mistake(lambda right: 1e3 * 0.95 * model().law.gap,
-                "This is the gap of a rotor that stays at the bearing axis: the pull displaces it, and it whirls."),
+                "This is the gap of a rotor that stays at the bearing axis: the pull displaces it, "
+                "and it whirls."),
         Mistake(lambda right: 1e3 * (0.95 * model().law.gap - abs(orbit(0.05).mean[0])),
                 "This is the gap of the mean position; the whirl takes a part of it."),
-        Mistake(lambda right: 1e3 * orbit(0.0).smallest_gap, "This is the gap of the centred machine."),
+        Mistake(lambda right: 1e3 * orbit(0.0).smallest_gap, "This is the gap of the centred "
+                "machine."),
     )),
-    "10.2": Exercise(lambda: grown_at("1X", 2.0), see="Figures 5, 6 and 7", unit="%", rtol=0.005, mistakes=(
-        Mistake(lambda right: grown_at("1X", 3.0), "Grown by twice its value is three times as much; twice is asked for."),
+    "10.2": Exercise(lambda: grown_at("1X", 2.0), see="Figures 5, 6 and 7", unit="%", rtol=0.005,
+                     mistakes=(
+        Mistake(lambda right: grown_at("1X", 3.0), "Grown by twice its value is three times as "
+                                                   "much; twice is asked for."),
         Mistake(lambda right: grown_at("1X", 1.5), "Here it has grown by a half."),
         Mistake(lambda right: 100 * branch().folds[0].value, "This is the fold."),
     )),
-    "10.3": Exercise(lambda: 100 * branch(0.5).folds[0].value, see="Past the fold", unit="%", rtol=0.003, mistakes=(
-        Mistake(lambda right: 100 * branch().folds[0].value, "This is the fold with all of the unbalance."),
-        Mistake(lambda right: 100 * branch(0.0).folds[0].value, "This is the static pull-in, without any unbalance.",
+    "10.3": Exercise(lambda: 100 * branch(0.5).folds[0].value, see="Past the fold", unit="%",
+                     rtol=0.003, mistakes=(
+        Mistake(lambda right: 100 * branch().folds[0].value, "This is the fold with all of the "
+                "unbalance."),
+        Mistake(lambda right: 100 * branch(0.0).folds[0].value, "This is the static pull-in, "
+                "without any unbalance.",
                 see="Limit check: back to chapter 2"),
-        Mistake(lambda right: 50 * branch().folds[0].value, "The fold does not go in proportion to the unbalance."),
-        Mistake(lambda right: 100 * branch(2.0).folds[0].value, "This is the fold with twice the unbalance."),
+        Mistake(lambda right: 50 * branch().folds[0].value, "The fold does not go in proportion to "
+                "the unbalance."),
+        Mistake(lambda right: 100 * branch(2.0).folds[0].value, "This is the fold with twice the "
+                "unbalance."),
     )),
-    "10.4": Exercise(lambda: min(warnings(), key=warnings().__getitem__), see="Figures 5, 6 and 7", choices=READINGS,
+    "10.4": Exercise(lambda: min(warnings(), key=warnings().__getitem__), see="Figures 5, 6 and 7",
+                     choices=READINGS,
                      reply=said_of),
 }

@@ -36,7 +36,8 @@ def turns_of_four_lobes() -> int:
 @cache
 def fold_percent(height: float) -> float:
     """First fold, % of the gap, with a rim of this height, m, that leans; upright where it is 0."""
-    model = replace(unit(), air_gap=replace(unit().air_gap, tilt=True)).model() if height else unit().model()
+    model = replace(unit(), air_gap=replace(unit().air_gap,
+                                            tilt=True)).model() if height else unit().model()
     if height:
         model = replace(model, law=TiltedPull(model.law.upright, height))
     method = Arclength(HarmonicBalance(6), max_folds=1, tail=0)
@@ -46,29 +47,34 @@ def fold_percent(height: float) -> float:
 def two_shapes(said: Sequence[float]) -> str:
     """The 2X of a machine without eccentricity with a stator and a rotor shape."""
     stator, rotor, percent = said
-    if any(order != int(order) or not 1 <= order <= 12 for order in (stator, rotor)) or not 0 < percent <= 20:
+    if any(order != int(order) or not 1 <= order <= 12
+           for order in (stator, rotor)) or not 0 < percent <= 20:
         return "noted, but orders are whole numbers from 1 to 12, and a size lies between 0 and 20 %."
     gap, size = unit().air_gap.gap, percent / 100 * unit().air_gap.gap
-    law = shaped_law(unit().air_gap.pull_stiffness, gap, (Bulge(int(stator), size),), (Bulge(int(rotor), size),))
+    law = shaped_law(unit().air_gap.pull_stiffness, gap, (Bulge(int(stator), size),),
+                     (Bulge(int(rotor), size),))
     try:
         orbit = HarmonicBalance(6).solve(replace(unit().model(), law=law), unit().speed)
     except (NoConvergence, Contact):
         return "noted. No steady state was found with shapes as large as these."
     second = ellipse(orbit.coefficients, 2)
     sense = "forward" if second.forward else "backward"
-    return (f"noted. 2X is {1e6 * second.major:.1f} µm" + (f", {sense}" if second.major > 1e-8 else "")
+    return (f"noted. 2X is {1e6 * second.major:.1f} µm"
+            + (f", {sense}" if second.major > 1e-8 else "")
             + f"; at 8 % static eccentricity the round machine has {1e6 * eccentric_2x():.1f} µm.")
 
 
 @cache
 def eccentric_2x() -> float:
     """2X of the round machine at 8 %, m."""
-    return ellipse(HarmonicBalance(6).solve(unit().model(), unit().speed, 0.08).coefficients, 2).major
+    return ellipse(HarmonicBalance(6).solve(unit().model(), unit().speed, 0.08).coefficients,
+                   2).major
 
 
 EXERCISES = {
     "11.1": Exercise(lambda: shape_force(unit().air_gap.gap), see="Eq. (11.3)", unit="N", mistakes=(
-        Mistake(lambda right: 4 * right, "These are amplitudes, not peak-to-peak sizes; the force holds their product."),
+        Mistake(lambda right: 4 * right, "These are amplitudes, not peak-to-peak sizes; the force "
+                                         "holds their product."),
         Mistake(lambda right: right / 1.5, "The factor three halves is missing."),
         Mistake(lambda right: right / SIZE, "The force holds the product of both sizes."),
         Mistake(lambda right: shape_force(unit().air_gap.gap / 2), "The gap g0 is 11 mm."),
@@ -76,7 +82,8 @@ EXERCISES = {
     "11.2": Exercise(turns_of_four_lobes, see="A selection rule", rtol=0.0, atol=0.1, mistakes=(
         Mistake(lambda right: 4, "The stator's order is the higher one: look at the sense again."),
         Mistake(lambda right: -5, "The turns are counted by the shape that turns."),
-        Mistake(lambda right: 5, "The turns are counted by the shape that turns, and its order is the lower one."),
+        Mistake(lambda right: 5, "The turns are counted by the shape that turns, and its order is "
+                                 "the lower one."),
         Mistake(lambda right: 1, "Only two shapes of the rotor make a force that turns with it."),
         Mistake(lambda right: 0, "Only two shapes of the stator make a force that stands still."),
     )),

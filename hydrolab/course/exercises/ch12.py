@@ -62,7 +62,8 @@ def own_machine(said: dict[str, Any]) -> str:
 
 def other(fault: str) -> Mistake:
     """A wrong name for the fault of machine 7, with what tells it from the true one."""
-    return Mistake(lambda right: fault, TELLS[frozenset((fault, condition_of(7)[0]))], see="Four faults")
+    return Mistake(lambda right: fault, TELLS[frozenset((fault, condition_of(7)[0]))],
+                   see="Four faults")
 
 
 EXERCISES = {
@@ -74,20 +75,27 @@ EXERCISES = {
     )),
     "12.2": Exercise(lambda: permitted("turbine", rpm(150)), see="Eq. (12.5)", mistakes=(
         Mistake(lambda right: permitted("turbine", 150), "The speed must be in rad/s, not in rpm."),
-        Mistake(lambda right: permitted("turbine", 2.5), "The speed must be in rad/s, not in revolutions per second."),
+        Mistake(lambda right: permitted("turbine", 2.5), "The speed must be in rad/s, not in "
+                                                         "revolutions per second."),
         Mistake(lambda right: 1000 * right, "The grade is in mm/s; the card is in metres."),
         Mistake(lambda right: permitted("generator", rpm(150)), "This is the generator's."),
-        Mistake(lambda right: 6.3e-3 / rpm(150) ** 2 * unit().body("turbine").mass, "The grade is e Ω, not e Ω²."),
+        Mistake(lambda right: 6.3e-3 / rpm(150) ** 2 * unit().body("turbine").mass,
+                "The grade is e Ω, not e Ω²."),
     )),
-    "12.3": Exercise(lambda: reaches(border(1)), see="Limits, and how sure they are", unit="%", rtol=0.002, mistakes=(
+    "12.3": Exercise(lambda: reaches(border(1)), see="Limits, and how sure they are", unit="%",
+                     rtol=0.002, mistakes=(
         Mistake(lambda right: reaches(border(0)), "This is where zone A ends."),
-        Mistake(lambda right: reaches(border(1, rpm(150))), "The curve takes the speed in rpm, not in rad/s.",
+        Mistake(lambda right: reaches(border(1, rpm(150))), "The curve takes the speed in rpm, not "
+                "in rad/s.",
                 see="Eq. (12.4)"),
-        Mistake(lambda right: reaches(border(1, 2.5)), "The curve takes the speed in rpm, not in revolutions per second.",
+        Mistake(lambda right: reaches(border(1, 2.5)), "The curve takes the speed in rpm, not in "
+                                                       "revolutions per second.",
                 see="Eq. (12.4)"),
     )),
     "12.4": Exercise(lambda: condition_of(7)[0], see="Four faults", choices=FAULTS, mistakes=tuple(
-        other(fault) for fault in (ECCENTRICITY, UNBALANCE, OVALITY, SOFT) if fault != condition_of(7)[0])),
-    "12.5": Exercise(lambda: {"number": 2026, "fault": condition_of(2026)[0], "evidence": "which numbers speak for it"},
+        other(fault) for fault in (ECCENTRICITY, UNBALANCE, OVALITY, SOFT)
+        if fault != condition_of(7)[0])),
+    "12.5": Exercise(lambda: {"number": 2026, "fault": condition_of(2026)[0],
+                              "evidence": "which numbers speak for it"},
                      see="Four faults", reply=own_machine),
 }
