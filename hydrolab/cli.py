@@ -167,10 +167,11 @@ def lab(options: argparse.Namespace) -> int:
 
 def study(options: argparse.Namespace) -> int:
     """Repeat the paper's study on a machine card."""
+    from hydrolab.figures import study_pictures
     from hydrolab.paper.report import study_command
 
     return study_command(options.card, out=options.out, family=options.family,
-                         figures=not options.no_figures)
+                         draw=None if options.no_figures else study_pictures)
 
 
 def book(options: argparse.Namespace) -> int:

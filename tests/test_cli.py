@@ -16,6 +16,7 @@ import pytest
 import hydrolab
 from hydrolab import cli
 from hydrolab.errors import BadInput, Contact, NoConvergence
+from hydrolab.figures import study_pictures
 
 
 @pytest.fixture
@@ -160,8 +161,9 @@ def test_study_gets_what_was_asked(study, tmp_path):
     assert cli.main(["study", "my-unit.toml", "--out", str(tmp_path), "--family",
                      "--no-figures"]) == 0
     assert study == [
-        (("kaplan-150rpm",), {"out": Path("hydrolab-study"), "family": False, "figures": True}),
-        (("my-unit.toml",), {"out": tmp_path, "family": True, "figures": False}),
+        (("kaplan-150rpm",), {"out": Path("hydrolab-study"), "family": False,
+                             "draw": study_pictures}),
+        (("my-unit.toml",), {"out": tmp_path, "family": True, "draw": None}),
     ]
 
 

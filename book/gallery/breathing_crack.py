@@ -13,9 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from hydrolab import Arclength, HarmonicBalance, follow, load_machine, rpm
-from hydrolab.dynamics.equilibrium import equilibrium
-from hydrolab.dynamics.harmonics import ellipse
-from hydrolab.machine.bearings import Crack
+from hydrolab.dynamics import ellipse, equilibrium
+from hydrolab.machine import Crack
 
 OFFSET = 0.02
 unit = load_machine("kaplan-150rpm")

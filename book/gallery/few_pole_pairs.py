@@ -14,10 +14,19 @@ import math
 import numpy as np
 
 from hydrolab import HarmonicBalance, Newmark, integrate
-from hydrolab.machine.gap_shape import Poles
-from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
-from hydrolab.machine.pole_pairs import series_force, truncated_size, whole_size
-from hydrolab.machine.pull import CircularPull, FieldWave, Wave
+from hydrolab.machine import (
+    AirGap,
+    CircularPull,
+    FieldWave,
+    Machine,
+    Poles,
+    RadialBearing,
+    RigidBody,
+    Wave,
+    series_force,
+    truncated_size,
+    whole_size,
+)
 
 # rad/s, steps of Newmark in a revolution, f over the rotation
 SPEED, STEPS, RATIO = 150.0, 256, 1.25

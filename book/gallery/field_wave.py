@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from hydrolab import HarmonicBalance, Newmark, RungeKutta, integrate, load_machine
-from hydrolab.machine.gap_shape import Poles
+from hydrolab.machine import Poles
 
 OFFSET = 0.1
 unit = load_machine("two-pole")

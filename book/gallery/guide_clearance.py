@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from hydrolab import HarmonicBalance, floquet, load_machine, rpm
-from hydrolab.dynamics.harmonics import ellipse
-from hydrolab.machine.bearings import PadBearing
+from hydrolab.dynamics import ellipse
+from hydrolab.machine import PadBearing
 
 unit = load_machine("kaplan-150rpm")
 guide, SPEED = unit.bearings[0], rpm(150)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from hydrolab import HarmonicBalance, floquet, load_machine, rpm
-from hydrolab.machine.bearings import JournalFilm, ShortFilm
+from hydrolab.machine import JournalFilm, ShortFilm
 
 film = ShortFilm(damping=1.0, clearance=1.0)  # in its own units: only shapes matter here
 

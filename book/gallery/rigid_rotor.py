@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from hydrolab import follow, load_machine, rpm, vary
-from hydrolab.dynamics.equilibrium import equilibrium, largest_offset
-from hydrolab.figures.style import house_style, new_figure
-from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RayleighDamping, RigidBody, Shaft
+from hydrolab.dynamics import equilibrium, largest_offset
+from hydrolab.figures import house_style, new_figure
+from hydrolab.machine import AirGap, Machine, RadialBearing, RayleighDamping, RigidBody, Shaft
 
 SPEED, LENGTH, HEIGHT = rpm(125), 6.0, 1.6
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from hydrolab import HarmonicBalance, ellipse, load_machine
-from hydrolab.machine.gap_shape import Bulge, TurningPull, gap_shapes, outline, read_gap, selection_rule
+from hydrolab.machine import Bulge, TurningPull, gap_shapes, outline, read_gap, selection_rule
 
 unit = load_machine("kaplan-150rpm")
 k, gap = unit.air_gap.pull_stiffness, unit.air_gap.gap

@@ -1,3 +1,27 @@
-"""What the course needs beside the library: notebooks kept fresh, drawings, explorers, answers to
-predictions.
+"""What the book needs: what a chapter imports, and what makes notebooks and pages.
+
+In a chapter: `checks` tells whether an answer is right and names the usual mistakes, with
+`exercises` (one module a chapter, written in `answers`); `predictions` keeps what a student expected
+beside what came out; `drawings` are its pictures that are no result; `records` are the vibration
+records of chapter 12. Around the chapters, imported by their own names: `notebooks` runs, cleans and
+compares them, `hand_out` takes the solutions out, `pages` and `static_book` make the static book.
 """
+
+from hydrolab.course import records
+from hydrolab.course.checks import check
+from hydrolab.course.drawings import conventions_picture, counts, gap_picture, sources_picture
+from hydrolab.course.predictions import answer, predict, recall
+from hydrolab.course.records import (
+    Condition,
+    diagnose,
+    evidence,
+    healthy,
+    recording,
+    unknown_machine,
+)
+
+__all__ = [
+    "Condition", "answer", "check", "conventions_picture", "counts", "diagnose", "evidence",
+    "gap_picture", "healthy", "predict", "recall", "recording", "records", "sources_picture",
+    "unknown_machine",
+]

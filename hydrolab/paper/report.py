@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -198,8 +198,9 @@ def judged_family(tell: Any) -> tuple[dict[int, Any], int, int]:
 
 def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study"),
                   family: bool = False,
-                  figures: bool = True) -> int:
-    """Run the study on a card, print its claims, and write report.json and the figures into `out`.
+                  draw: Callable[[Study], dict[str, Any]] | None = None) -> int:
+    """Run the study on a card, print its claims, and write report.json and what `draw` makes of the
+    study, pictures by name, into `out`.
 
     report.json is written before the family is run and again after it, so that an interrupt
     (Ctrl-C) loses nothing. Returns 0, or 130 after an interrupt: what was computed until then is
@@ -221,9 +222,8 @@ def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study")
         if study.interrupted:
             cut = "Stopped by Ctrl-C in direct integration; what was computed before is above."
         else:
-            if figures:
-                from hydrolab.figures.paper_figures import study_pictures
-                pictures = study_pictures(study)
+            if draw:
+                pictures = draw(study)
                 for name, picture in pictures.items():
                     picture.save(out / f"{name}.png")
             if family:

@@ -9,7 +9,14 @@ from hydrolab import load_machine, rpm
 from hydrolab.course.answers import Exercise, Mistake
 from hydrolab.machine.model import Model
 from hydrolab.machine.parts import Machine
-from hydrolab.paper.calibration import AMPLITUDE, Member, calibrate, first_fold, member_of, unbalance_scale
+from hydrolab.paper.calibration import (
+    AMPLITUDE,
+    Member,
+    calibrate,
+    first_fold,
+    member_of,
+    unbalance_scale,
+)
 
 EQUAL = 9.04 / 12  # m, length of one of twelve equal elements
 LINK = 0.472  # m, generator centre above the shaft top

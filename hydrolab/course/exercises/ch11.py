@@ -6,7 +6,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
-from hydrolab import Arclength, Contact, HarmonicBalance, NoConvergence, ellipse, follow, load_machine
+from hydrolab import (
+    Arclength,
+    Contact,
+    HarmonicBalance,
+    NoConvergence,
+    ellipse,
+    follow,
+    load_machine,
+)
 from hydrolab.course.answers import Exercise, Mistake
 from hydrolab.machine.gap_shape import Bulge, selection_rule, shaped_law
 from hydrolab.machine.parts import Machine

@@ -11,7 +11,16 @@ from scipy.optimize import brentq
 
 from hydrolab import HarmonicBalance, load_machine, rpm
 from hydrolab.course.answers import Exercise, Mistake
-from hydrolab.course.records import ECCENTRICITY, FAULTS, OVALITY, SOFT, TELLS, UNBALANCE, condition_of, grade
+from hydrolab.course.records import (
+    ECCENTRICITY,
+    FAULTS,
+    OVALITY,
+    SOFT,
+    TELLS,
+    UNBALANCE,
+    condition_of,
+    grade,
+)
 from hydrolab.dynamics.harmonics import fourier_rows
 from hydrolab.machine.parts import Machine
 

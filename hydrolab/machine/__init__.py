@@ -1,0 +1,52 @@
+"""What the machine is: from a card to matrices and force laws.
+
+`cards` reads a TOML card or a shipped one; `quantities` declares each number once, with its unit
+and limits. `parts` holds the machine and its shaft, bodies and air gap, `bearings` and `crack` what
+carries or weakens the shaft. `elements` is the finite-element shaft. `pull` holds the base class of
+every force law and the pull of a round gap; `gap_shape` and `pole_pairs` are its neighbours. `model`
+puts all of it together: M, C, G, K, the law, the unbalance.
+"""
+
+from hydrolab.machine.bearings import Crack, JournalFilm, PadBearing, ShortFilm
+from hydrolab.machine.cards import card_names, card_text, load_machine, vary
+from hydrolab.machine.elements import energies, shaft_element
+from hydrolab.machine.gap_shape import (
+    Bulge,
+    Poles,
+    TurningPull,
+    gap_shapes,
+    outline,
+    read_gap,
+    selection_rule,
+    shaped_law,
+)
+from hydrolab.machine.model import Model, body_matrices, rigid_link
+from hydrolab.machine.parts import (
+    AirGap,
+    Machine,
+    RadialBearing,
+    RayleighDamping,
+    RigidBody,
+    Shaft,
+    ThrustBearing,
+)
+from hydrolab.machine.pole_pairs import PolePairPull, series_force, truncated_size, whole_size
+from hydrolab.machine.pull import (
+    CircularPull,
+    FieldWave,
+    LinearPull,
+    ShapedPull,
+    TiltedPull,
+    Wave,
+    closed_form,
+    tangential_limit,
+)
+
+__all__ = [
+    "AirGap", "Bulge", "CircularPull", "Crack", "FieldWave", "JournalFilm", "LinearPull", "Machine",
+    "Model", "PadBearing", "PolePairPull", "Poles", "RadialBearing", "RayleighDamping", "RigidBody",
+    "Shaft", "ShapedPull", "ShortFilm", "ThrustBearing", "TiltedPull", "TurningPull", "Wave",
+    "body_matrices", "card_names", "card_text", "closed_form", "energies", "gap_shapes",
+    "load_machine", "outline", "read_gap", "rigid_link", "selection_rule", "series_force",
+    "shaft_element", "shaped_law", "tangential_limit", "truncated_size", "vary", "whole_size",
+]
