@@ -1,11 +1,76 @@
-"""The shape of an orbit in numbers: the ellipse of a harmonic, loops, the largest vibration."""
+"""Sums of harmonics: sampled, differentiated, fitted, and what their shape says.
+
+A motion of one period is stored as [mean, sin 1, cos 1, sin 2, cos 2, …] on the last axis, 2m + 1
+columns for m harmonics; the axes before it are points, coordinates, degrees of freedom. The phase
+is that of the period: where it is q revolutions long, the phase is Ωt/q.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+
+from hydrolab.errors import BadInput
+
+# phases at which a motion is looked at around its period: for its smallest gap, its largest swing
+PERIOD = 2 * np.pi * np.arange(360) / 360
+
+
+def fourier_rows(harmonics: int, phase: ArrayLike) -> NDArray:
+    """Rows 1, sin φ, cos φ, sin 2φ, cos 2φ … at the given phases (rad, (N,)); (2m + 1, N)."""
+    turns = np.arange(1, harmonics + 1)[:, None] * np.asarray(phase, dtype=float)
+    rows = np.ones((2 * harmonics + 1, turns.shape[1]))
+    rows[1::2], rows[2::2] = np.sin(turns), np.cos(turns)
+    return rows
+
+
+def rate_rows(harmonics: int, phase: ArrayLike) -> NDArray:
+    """Derivatives of `fourier_rows` by the phase, (2m + 1, N)."""
+    return rates(np.eye(2 * harmonics + 1)) @ fourier_rows(harmonics, phase)
+
+
+def synthesise(coefficients: NDArray, phase: ArrayLike) -> NDArray:
+    """The motion at the given phases (rad, (N,)): (…, N) from (…, 2m + 1)."""
+    return coefficients @ fourier_rows(coefficients.shape[-1] // 2, phase)
+
+
+def rates(coefficients: NDArray) -> NDArray:
+    """Coefficients of the derivative by the phase, (…, 2m + 1); times Ω/q they are velocities."""
+    k = np.arange(1, coefficients.shape[-1] // 2 + 1)
+    out = np.zeros_like(coefficients)
+    out[..., 1::2], out[..., 2::2] = -k * coefficients[..., 2::2], k * coefficients[..., 1::2]
+    return out
+
+
+def fit(samples: NDArray, phase: ArrayLike, harmonics: int) -> NDArray:
+    """Coefficients (…, 2m + 1) of samples (…, N) at phases (rad, (N,)), by least squares, so that
+    the phases need not be evenly spaced.
+    """
+    rows = fourier_rows(harmonics, phase)
+    flat = samples.reshape(-1, samples.shape[-1])
+    found = np.linalg.lstsq(rows.T, flat.T, rcond=None)[0].T
+    return found.reshape(*samples.shape[:-1], len(rows))
+
+
+def to_complex(coefficients: NDArray) -> NDArray:
+    """Complex amplitudes û_k of Re Σ û_k e^{ikφ}, (…, m + 1), from (…, 2m + 1)."""
+    sine, cosine = coefficients[..., 1::2], coefficients[..., 2::2]
+    return np.concatenate([coefficients[..., :1] + 0j, cosine - 1j * sine], axis=-1)
+
+
+def from_complex(amplitudes: NDArray) -> NDArray:
+    """Inverse of `to_complex`."""
+    out = np.empty((*amplitudes.shape[:-1], 2 * amplitudes.shape[-1] - 1))
+    out[..., 0] = amplitudes[..., 0].real
+    out[..., 1::2], out[..., 2::2] = -amplitudes[..., 1:].imag, amplitudes[..., 1:].real
+    return out
+
+
+def amplitudes(coefficients: NDArray) -> NDArray:
+    """√(A_k² + B_k²) for k = 1 … m, 0-to-peak, (…, m)."""
+    return np.hypot(coefficients[..., 1::2], coefficients[..., 2::2])
 
 
 @dataclass(frozen=True)
@@ -27,26 +92,44 @@ class Ellipse:
         return self.minor / self.major if self.major else 1.0
 
 
+def whirl(coefficients: NDArray, harmonic: int = 1) -> tuple[NDArray, NDArray]:
+    """f and b of w = z + ix = f e^{ikφ} + b e^{−ikφ} for a harmonic k of x and z: complex, (…).
+
+    coefficients: (…, 2, 2m + 1). f is the part that turns with the spin, b the one against it.
+    """
+    sine, cosine = coefficients[..., 2 * harmonic - 1], coefficients[..., 2 * harmonic]
+    amplitude = cosine - 1j * sine
+    x, z = amplitude[..., 0], amplitude[..., 1]
+    return (z + 1j * x) / 2, (np.conj(z) + 1j * np.conj(x)) / 2
+
+
 def ellipse(coefficients: NDArray, harmonic: int = 1) -> Ellipse:
     """The ellipse of a harmonic from [mean, sin 1, cos 1, …] of x and z, shape (2, 2m + 1).
 
-    With w = z + ix = f e^{ikΩt} + b e^{−ikΩt}, the half axes are |f| + |b| and ||f| − |b||.
+    The half axes are |f| + |b| and ||f| − |b|| of `whirl`.
     """
-    sine, cosine = coefficients[:, 2 * harmonic - 1], coefficients[:, 2 * harmonic]
-    amplitude = cosine - 1j * sine  # of e^{ikΩt} in x and z
-    forward = (amplitude[1] + 1j * amplitude[0]) / 2
-    backward = (np.conj(amplitude[1]) + 1j * np.conj(amplitude[0])) / 2
+    forward, backward = whirl(coefficients, harmonic)
     f, b = abs(forward), abs(backward)
     angle = float(np.angle(forward * backward)) / 2 if b > 1e-12 * f else 0.0
     return Ellipse(float(f + b), float(abs(f - b)), angle, bool(f >= b))
 
 
-def self_crossings(positions: NDArray) -> int:
-    """How often a closed curve crosses itself; positions (2, n) of one period, without the repeated
-    end.
-
-    Counts pairs of segments that cut each other; an orbit with an inner loop has one.
+def long_axis(coefficients: NDArray, harmonic: int = 1) -> NDArray:
+    """Long half axis of a harmonic's ellipse, m, for many motions at once: (…) from (…, 2, 2m + 1).
     """
+    forward, backward = whirl(coefficients, harmonic)
+    return np.abs(forward) + np.abs(backward)
+
+
+def self_crossings(positions: NDArray) -> int:
+    """How often a closed curve crosses itself: the pairs of its segments that cut each other.
+
+    positions: (2, n) over one period, without the repeated end. An orbit with an inner loop has
+    one crossing. Raises BadInput for what is not such a curve.
+    """
+    if not isinstance(positions, np.ndarray) or positions.ndim != 2 or len(positions) != 2:
+        raise BadInput(f"positions is a {type(positions).__name__}; give (x, z) over one period, "
+                       "an array of shape (2, n), such as orbit.positions(phases).")
     p = positions.T
     d = np.roll(p, -1, axis=0) - p
     n = len(p)
@@ -64,35 +147,3 @@ def self_crossings(positions: NDArray) -> int:
 def largest_vibration(positions: NDArray, mean: NDArray) -> float:
     """Largest distance of the orbit from its mean position, m; positions (2, n), mean (2,)."""
     return float(np.hypot(*(positions - np.asarray(mean)[:, None])).max())
-
-
-def fourier_rows(harmonics: int, phase: NDArray) -> NDArray:
-    """Rows 1, sin φ, cos φ, sin 2φ, cos 2φ … at the given phases; shape (2m + 1, len(phase))."""
-    rows = np.ones((2 * harmonics + 1, len(phase)))
-    for k in range(1, harmonics + 1):
-        rows[2 * k - 1], rows[2 * k] = np.sin(k * phase), np.cos(k * phase)
-    return rows
-
-
-def rate_rows(harmonics: int, phase: NDArray) -> NDArray:
-    """Derivatives of `fourier_rows` by the phase."""
-    rows = np.zeros((2 * harmonics + 1, len(phase)))
-    for k in range(1, harmonics + 1):
-        rows[2 * k - 1], rows[2 * k] = k * np.cos(k * phase), -k * np.sin(k * phase)
-    return rows
-
-
-def to_complex(coefficients: NDArray) -> NDArray:
-    """[mean, sin, cos, …] on the last axis → complex amplitudes û_k of Re Σ û_k e^{ikΩt}; (…, m +
-    1).
-    """
-    sine, cosine = coefficients[..., 1::2], coefficients[..., 2::2]
-    return np.concatenate([coefficients[..., :1] + 0j, cosine - 1j * sine], axis=-1)
-
-
-def from_complex(amplitudes: NDArray) -> NDArray:
-    """Inverse of `to_complex`."""
-    out = np.empty((*amplitudes.shape[:-1], 2 * amplitudes.shape[-1] - 1))
-    out[..., 0] = amplitudes[..., 0].real
-    out[..., 1::2], out[..., 2::2] = -amplitudes[..., 1:].imag, amplitudes[..., 1:].real
-    return out

@@ -23,6 +23,7 @@ from threadpoolctl import threadpool_limits
 from hydrolab.dynamics.batch import Outcome, newton_batch, stack
 from hydrolab.dynamics.branches import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
+from hydrolab.dynamics.harmonics import PERIOD, long_axis, synthesise
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.cards import vary
 from hydrolab.machine.parts import Machine
@@ -84,29 +85,12 @@ def steady_row(machine: Machine, eccentricities: NDArray, harmonics: int = 4) ->
     row["outcome"][inside] = outcome
     found = np.flatnonzero(inside)[outcome == Outcome.CONVERGED]
     coefficients = eq.length * y[outcome == Outcome.CONVERGED].reshape(len(found), 2, -1)
-    row["smallest_gap"][found] = smallest_gaps(coefficients, centre[outcome == Outcome.CONVERGED],
-                                               model.gap)
+    place = synthesise(coefficients, PERIOD).transpose(1, 0, 2)
+    place = model.relative(place, centre[outcome == Outcome.CONVERGED].T[:, :, None])
+    row["smallest_gap"][found] = model.law.smallest_gap(place).min(axis=-1)
     row["amplitude"][found] = np.hypot(coefficients[:, 0, 1], coefficients[:, 0, 2])
     row["share_2x"][found] = long_axis(coefficients, 2) / long_axis(coefficients, 1)
     return row
-
-
-def smallest_gaps(coefficients: NDArray, centre: NDArray, gap: float) -> NDArray:
-    """Smallest circular gap over a revolution of many orbits, m; coefficients (B, 2, 2m + 1),
-    centre (B, 2).
-    """
-    phase = 2 * np.pi * np.arange(360) / 360
-    k = np.arange(1, coefficients.shape[2] // 2 + 1)[:, None]
-    path = (coefficients[:, :, :1] + coefficients[:, :, 1::2] @ np.sin(k * phase)
-            + coefficients[:, :, 2::2] @ np.cos(k * phase)) - centre[:, :, None]
-    return gap - np.hypot(path[:, 0], path[:, 1]).max(axis=1)
-
-
-def long_axis(coefficients: NDArray, harmonic: int) -> NDArray:
-    """Long half axis of a harmonic's ellipse of many orbits, m; see `orbit_shape.ellipse`."""
-    amplitude = coefficients[:, :, 2 * harmonic] - 1j * coefficients[:, :, 2 * harmonic - 1]
-    x, z = amplitude.T
-    return np.abs(z + 1j * x) / 2 + np.abs(np.conj(z) + 1j * np.conj(x)) / 2
 
 
 def _row_of_machines(machine: Machine, changes: Mapping[str, Any], x: str, values: NDArray,

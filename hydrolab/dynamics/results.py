@@ -1,6 +1,6 @@
-"""A motion in time: a frozen result that prints as a story.
+"""Motions, steady states and branches: frozen results that print as a story.
 
-Steady states and their branches: frozen results that print as a story. Amplitudes are 0-to-peak.
+Amplitudes are 0-to-peak. Coefficients are those of `hydrolab.dynamics.harmonics`.
 """
 
 from __future__ import annotations
@@ -12,11 +12,20 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from hydrolab.dynamics.harmonics import fourier_rows, from_complex, to_complex
+from hydrolab.dynamics.harmonics import (
+    PERIOD,
+    amplitudes,
+    fit,
+    from_complex,
+    rates,
+    synthesise,
+    to_complex,
+)
 from hydrolab.errors import BadInput, Contact
 from hydrolab.machine.model import Model
+from hydrolab.machine.quantities import shown
 
 if TYPE_CHECKING:
     from hydrolab.dynamics.branches import Path
@@ -73,8 +82,7 @@ class Trajectory:
             raise BadInput(f"revolutions is {revolutions}, and the motion has "
                            f"{self.revolutions:.3g}. {self.stopped}")
         times, positions = self.last(revolutions)
-        rows = fourier_rows(harmonics, self.speed * times[1:])
-        return np.linalg.lstsq(rows.T, positions[:, 1:].T, rcond=None)[0].T
+        return fit(positions[:, 1:], self.speed * times[1:], harmonics)
 
     def recurrence(self, revolutions: int = 1) -> float:
         """How far the last revolutions are from as many before, over the size of the motion: 0
@@ -92,9 +100,6 @@ class Trajectory:
                 f"{self.speed * 30 / math.pi:.4g} rpm, static eccentricity "
                 f"{100 * self.static_eccentricity:.4g} %. "
                 f"{self.stopped}")
-
-
-PERIOD = 2 * np.pi * np.arange(360) / 360  # phases at which an orbit's smallest gap is looked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,32 +154,21 @@ class PeriodicOrbit:
         """√(A_k² + B_k²) of x and z for k = 1 … m, m 0-to-peak, shape (2, m); the paper's section
         5.2.
         """
-        return np.hypot(self.coefficients[:, 1::2], self.coefficients[:, 2::2])
+        return amplitudes(self.coefficients)
 
-    def coordinates(self, phase: NDArray) -> NDArray:
+    def coordinates(self, phase: ArrayLike) -> NDArray:
         """All c nonlinear coordinates at the phases Ωt (rad), shape (c, len(phase))."""
-        phase = np.asarray(phase, dtype=float) / self.revolutions
-        k = np.arange(1, self.harmonics + 1)[:, None]
-        return self.local[:, :1] + self.local[:, 1::2] @ np.sin(k * phase) + self.local[:, 2::2] @ np.cos(k * phase)
+        return synthesise(self.local, np.asarray(phase) / self.revolutions)
 
-    def positions(self, phase: NDArray) -> NDArray:
+    def positions(self, phase: ArrayLike) -> NDArray:
         """Position (x, z) of the generator centre at the phases Ωt (rad), m, shape (2, len(phase)).
         """
-        return self.coordinates(phase)[:2]
+        return synthesise(self.coefficients, np.asarray(phase) / self.revolutions)
 
-    @cached_property
-    def _around(self) -> NDArray:
-        """The nonlinear coordinates around the period as the law takes them, (c, 360)."""
-        return self.model.relative(self.coordinates(self.revolutions * PERIOD),
-                                   self.centre[:, None])
-
-    def velocities(self, phase: NDArray) -> NDArray:
+    def velocities(self, phase: ArrayLike) -> NDArray:
         """Velocity of the generator centre at the phases Ωt (rad), m/s, shape (2, len(phase))."""
-        phase = np.asarray(phase, dtype=float) / self.revolutions
-        k = np.arange(1, self.harmonics + 1)
-        rate = self.speed / self.revolutions * k
-        return ((rate * self.coefficients[:, 1::2]) @ np.cos(k[:, None] * phase)
-                - (rate * self.coefficients[:, 2::2]) @ np.sin(k[:, None] * phase))
+        rate = self.speed / self.revolutions
+        return synthesise(rate * rates(self.coefficients), np.asarray(phase) / self.revolutions)
 
     @cached_property
     def shaft(self) -> NDArray:
@@ -185,6 +179,12 @@ class PeriodicOrbit:
         away = to_complex(self.local - eq.length * eq.linear)
         return from_complex((eq.shaft_linear + np.einsum("knd,dk->kn", eq.recovery, away)).T)
 
+    def state(self, phase: float = 0.0) -> NDArray:
+        """Displacement and velocity of every DOF at a phase Ωt (rad), shape (2, n)."""
+        rate, at = self.speed / self.revolutions, [phase / self.revolutions]
+        return np.stack([synthesise(self.shaft, at)[:, 0],
+                         synthesise(rate * rates(self.shaft), at)[:, 0]])
+
     def node_coefficients(self, node: int) -> NDArray:
         """[mean, sin 1, cos 1, …] of x and z at a shaft node, m, shape (2, 2m + 1)."""
         dofs = self.model.shaft_map @ self.shaft
@@ -194,7 +194,7 @@ class PeriodicOrbit:
     @cached_property
     def smallest_gap(self) -> float:
         """Smallest air gap over the period and the circumference, m (inf where there is no gap)."""
-        return float(np.min(self.model.law.smallest_gap(self._around)))
+        return float(clearances(self.equations, self.local, self.centre).min())
 
     def require_clear(self) -> None:
         """Raise Contact, with the angle and the time, if the rotor touches the stator anywhere on
@@ -205,12 +205,13 @@ class PeriodicOrbit:
         """
         if self.smallest_gap > 0:
             return
-        e = self._around
-        first = int(np.argmax(self.model.law.smallest_gap(e) <= 0))
+        first = int(np.argmax(clearances(self.equations, self.local, self.centre) <= 0))
+        phase = self.revolutions * PERIOD[first:first + 1]
+        place = self.model.relative(self.coordinates(phase), self.centre[:, None])
         raise Contact(f"The steady state at {100 * self.static_eccentricity:.4g} % would touch the "
                       "stator: "
-                      + contact_sentence(self.revolutions * PERIOD[first] / self.speed, self.speed,
-                                         float(self.model.law.gap_angle(e[:, first])))
+                      + contact_sentence(phase[0] / self.speed, self.speed,
+                                         float(self.model.law.gap_angle(place)[0]))
                       + " Lower the eccentricity, the unbalance or the field.")
 
     def __str__(self) -> str:
@@ -218,12 +219,23 @@ class PeriodicOrbit:
         shares = ", ".join(f"{k / self.revolutions:.3g}X {1e6 * a:.3g}/{1e6 * b:.3g}"
                            for k, (a, b) in enumerate(self.amplitudes.T, 1))
         period = f", repeating every {self.revolutions} revolutions" if self.revolutions > 1 else ""
-        gap = f"smallest gap {1e3 * self.smallest_gap:.3f} mm, " if math.isfinite(self.smallest_gap) else ""
+        gap = (f"smallest gap {1e3 * self.smallest_gap:.3f} mm, "
+               if math.isfinite(self.smallest_gap) else "")
         return (f"Steady state of {self.model.name} at {self.speed * 30 / math.pi:.4g} rpm, static "
                 "eccentricity "
                 f"{100 * self.static_eccentricity:.4g} %{period}: mean displacement {mean:.4g} µm; "
                 "x/z amplitudes "
                 f"(µm, 0-to-peak) {shares}; {gap}residual {self.residual:.1e} N.")
+
+
+def clearances(eq: Condensed, local: NDArray, centre: NDArray) -> NDArray:
+    """Smallest air gap around the circumference at the phases `PERIOD` of a motion, m, (360,): by
+    the law, on all of its coordinates.
+
+    local: [mean, sin 1, cos 1, …] of the nonlinear coordinates, (c, 2m + 1). centre: m, (2,).
+    """
+    place = eq.model.relative(synthesise(local, PERIOD), centre[:, None])
+    return np.broadcast_to(eq.model.law.smallest_gap(place), len(PERIOD))
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,9 +261,9 @@ class Branch:
     """Steady states in the order in which they were followed.
 
     path: the parameter followed, and the equations at any of its values. values: of the parameter,
-    shape (points,). unknowns: Y/length of each point, (points, 2(2m + 1)). residuals: N.
-    special_points: folds, located. stopped: why it ends, in words. method: how it was made. closed:
-    whether the last point is back at the first.
+    shape (points,). unknowns: Y/length of each point, (points, c(2m + 1)); `local` has them in
+    metres. residuals: N. special_points: folds, located. stopped: why it ends, in words. method:
+    how it was made. closed: whether the last point is back at the first.
     """
 
     path: Path
@@ -267,6 +279,9 @@ class Branch:
         return len(self.values)
 
     def __getitem__(self, index: int) -> PeriodicOrbit:
+        if not isinstance(index, int | np.integer):
+            raise BadInput(f"index is {shown(index)}; a branch gives one steady state at a time, "
+                           "branch[3]. Several are [branch[k] for k in range(1, 3)].")
         return self.orbit(float(self.values[index]), self.unknowns[index],
                           float(self.residuals[index]))
 
@@ -339,26 +354,31 @@ class Branch:
         return slice(0, self.folds[0].after + 1 if self.folds else len(self))
 
     @cached_property
+    def local(self) -> NDArray:
+        """[mean, sin 1, cos 1, …] of all c nonlinear coordinates at every point, m or rad, shape
+        (points, c, 2m + 1); the generator's x and z are first.
+        """
+        return self.equations.length * self.unknowns.reshape(len(self), len(self.equations.linear),
+                                                             -1)
+
+    @property
     def coefficients(self) -> NDArray:
         """[mean, sin 1, cos 1, …] of the generator centre at every point, m, shape (points, 2, 2m +
         1).
         """
-        return self.equations.length * self.unknowns.reshape(len(self), len(self.equations.linear),
-                                                             -1)[:, :2]
+        return self.local[:, :2]
 
     @cached_property
     def smallest_gaps(self) -> NDArray:
         """Smallest air gap over the period and the circumference at every point, m, shape
         (points,).
         """
-        positions = self.coefficients @ fourier_rows(self.equations.harmonics,
-                                                     PERIOD) - self.centres[:, :, None]
-        return self.equations.model.law.smallest_gap(positions.transpose(1, 0, 2)).min(axis=-1)
+        return np.array([orbit.smallest_gap for orbit in self])
 
     @cached_property
     def amplitudes(self) -> NDArray:
         """√(A_k² + B_k²) of x and z at every point, m 0-to-peak, shape (points, 2, m)."""
-        return np.hypot(self.coefficients[..., 1::2], self.coefficients[..., 2::2])
+        return amplitudes(self.coefficients)
 
     def __str__(self) -> str:
         say = self.path.say
