@@ -17,13 +17,13 @@ from hydrolab import HarmonicBalance, Newmark, integrate
 from hydrolab.machine import (
     AirGap,
     CircularPull,
-    FieldWave,
     Machine,
     Poles,
     RadialBearing,
     RigidBody,
     Wave,
     series_force,
+    shaped_law,
     truncated_size,
     whole_size,
 )
@@ -54,7 +54,7 @@ def power(p: int) -> float:
     """
     eps, phases = np.geomspace(0.02, 0.08, 12), 2 * np.pi * np.arange(16) / 16
     e = eps[:, None] * air.gap * np.array([0.6, 0.8])[:, None, None] * np.ones(16)
-    wave = FieldWave(air.pull_stiffness, air.gap, (Wave(p),)).force_at(e, 0 * e, phases, SPEED)
+    wave = shaped_law(air.pull_stiffness, air.gap, waves=(Wave(p),)).force(e, 0 * e, phases, SPEED)
     beat = np.hypot(*(wave - CircularPull(air.pull_stiffness, air.gap).force(e))).max(axis=-1)
     return float(np.polyfit(np.log(eps), np.log(beat), 1)[0])
 

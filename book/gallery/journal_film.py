@@ -23,7 +23,7 @@ def whirl_ratio_squared(eccentricity: float) -> float:
     """Square of whirl speed over speed at the stability threshold of a rigid rotor; below 0 there
     is no threshold.
     """
-    _, place, velocity = film.linearise_at(np.array([0.0, eccentricity]), np.zeros(2), 0.0, 1.0)
+    _, place, velocity = film.linearise(np.array([0.0, eccentricity]), np.zeros(2), 0.0, 1.0)
     k, c = -place, -velocity
     mean = (k[0, 0] * c[1, 1] + c[0, 0] * k[1, 1] - k[0, 1] * c[1, 0] - k[1, 0]
             * c[0, 1]) / np.trace(c)

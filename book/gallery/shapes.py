@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from hydrolab import HarmonicBalance, ellipse, load_machine
-from hydrolab.machine import Bulge, TurningPull, gap_shapes, outline, read_gap, selection_rule
+from hydrolab.machine import Bulge, gap_shapes, outline, read_gap, selection_rule, shaped_law
 
 unit = load_machine("kaplan-150rpm")
 k, gap = unit.air_gap.pull_stiffness, unit.air_gap.gap
@@ -24,9 +24,9 @@ SIZE = 0.01 * gap
 def quadrature(one, other) -> np.ndarray:
     """Fourier coefficients of F_z + i F_x over a revolution on the centred rotor, N."""
     sides = {side: tuple(b for s, b in (one, other) if s == side) for side in ("stator", "rotor")}
-    law = TurningPull(k, gap, sides["stator"], sides["rotor"])
+    law = shaped_law(k, gap, sides["stator"], sides["rotor"])
     still = np.zeros((2, 64))
-    force = law.force_at(still, still, 2 * np.pi * np.arange(64) / 64, unit.speed)
+    force = law.force(still, still, 2 * np.pi * np.arange(64) / 64, unit.speed)
     return np.fft.fft(force[1] + 1j * force[0]) / 64
 
 

@@ -77,7 +77,7 @@ class Batch:
         y: (B, 2K). centre: stator centres, m, (B, 2).
         """
         members, columns, samples = len(y), *self.rows.shape
-        force, slope = self.law.linearise(self._positions(y, centre))
+        force, slope, _ = self.law.linearise(self._positions(y, centre))
         analysis = (self.weights[:, None] * self.rows).T
         pull = (force @ analysis).transpose(1, 0, 2).reshape(members, -1) / self.force[:, None]
         residual = np.einsum("bij,bj->bi", self.stiffness, y - self.linear) - pull

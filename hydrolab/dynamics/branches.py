@@ -25,7 +25,7 @@ from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
 from hydrolab.dynamics.solvers import newton
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
-from hydrolab.machine.pull import CircularPull, force_at
+from hydrolab.machine.pull import CircularPull
 from hydrolab.machine.quantities import number, whole
 
 
@@ -138,7 +138,7 @@ def _field(here: Problem, balance: HarmonicBalance) -> Path:
     def slope(problem: Problem, value: float, y: NDArray, jacobian: NDArray) -> NDArray:
         position, velocity = own.position(y, problem.centre), own.velocity(y)
         laws = own.model.law, own.model.law.scaled(0.0)
-        with_it, without = (force_at(law, position, velocity, own.phase, own.speed) for law in laws)
+        with_it, without = (law.force(position, velocity, own.phase, own.speed) for law in laws)
         # the pull goes with the square
         return -2 * value * ((with_it - without) @ own.analysis).ravel()
 
@@ -173,8 +173,8 @@ def _speed(here: Problem, balance: HarmonicBalance) -> Path:
         # velocities of the same orbit grow with the speed, and a film knows the speed itself
         if model.law.moving:
             position, velocity = eq.position(y, problem.centre), eq.velocity(y)
-            faster, slower = (model.law.force_at(position, (1 + h) * velocity, eq.phase,
-                                                 (1 + h) * value)
+            faster, slower = (model.law.force(position, (1 + h) * velocity, eq.phase,
+                                              (1 + h) * value)
                               for h in (NEARBY, -NEARBY))
             change -= ((faster - slower) / (2 * NEARBY * value) @ eq.analysis).ravel()
         return change
@@ -396,7 +396,7 @@ def _smallest_gap(along: Path, y: NDArray, value: float) -> float:
     """Smallest gap of an orbit over the AFT samples, m."""
     problem = along.at(value)
     eq = problem.equations
-    return float(np.min(eq.model.law.smallest_gap(eq.position(y, problem.centre))))
+    return float(np.min(eq.model.law.smallest_gap(eq.position(y, problem.centre), eq.phase)))
 
 
 def _comes_back(steps: list[Step]) -> bool:

@@ -26,7 +26,6 @@ from hydrolab.dynamics.reduction import reduce
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
-from hydrolab.machine.pull import linearise_at
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +69,7 @@ def split(model: Model, speed: float, modes: int = 12) -> Split:
     small = reduce(model, modes, gyroscopic=True)
     r, inverse = small.size, np.linalg.inv(small.M)
     rest = np.zeros(len(small.selection))
-    slope = linearise_at(small.law, rest, rest, 0.0, speed)[1]
+    slope = small.law.linearise(rest, rest, 0.0, speed)[1]
     stiffness = small.K - small.selection.T @ slope @ small.selection
     velocity = small.velocity_matrix(speed)
     constant = np.block([[np.zeros((r, r)), np.eye(r)],
@@ -136,7 +135,7 @@ def advance(system: Split, states: NDArray, centre: NDArray, revolutions: int, s
             touched = np.zeros(now.shape[1], dtype=bool)
             for n in range(steps):
                 place = watch @ now + forced[n][:, None]
-                new = ~(law.smallest_gap(place[:2]) > 0) & ~touched
+                new = ~(law.smallest_gap(place) > 0) & ~touched
                 if new.any():
                     contact[active[new]] = revolution + (n + 0.5) / steps
                     out[:, active[new]] = now[:, new]

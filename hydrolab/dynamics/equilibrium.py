@@ -70,7 +70,7 @@ def equilibrium(model: Model, static_eccentricity: float, *, direction: float = 
 
     def at(centre: NDArray, y: NDArray) -> NDArray:
         def system(y: NDArray) -> tuple[NDArray, NDArray]:
-            force, slope = model.law.linearise(model.relative(scale * y, centre))
+            force, slope, _ = model.law.linearise(model.relative(scale * y, centre))
             return y - felt @ force / scale, one - felt @ slope
         solution = newton(system, y)
         if not solution.converged:

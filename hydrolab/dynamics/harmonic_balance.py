@@ -82,8 +82,8 @@ class Condensed:
     def residual(self, y: NDArray, centre: NDArray) -> NDArray:
         """H(Y) of Eq. (19), scaled; centre: stator centre, m."""
         position, law = self.position(y, centre), self.model.law
-        force = law.force_at(position, self.velocity(y), self.phase,
-                             self.speed) if law.moving else law.force(position)
+        velocity = self.velocity(y) if law.moving else None
+        force = law.force(position, velocity, self.phase, self.speed)
         return self.stiffness @ (y - self.linear.ravel()) - (force @ self.analysis).ravel()
 
     def linearise(self, y: NDArray, centre: NDArray) -> tuple[NDArray, NDArray]:
@@ -91,14 +91,11 @@ class Condensed:
         """
         position, law = self.position(y, centre), self.model.law
         c, columns, samples = len(position), *self.synthesis.shape
-        if law.moving:
-            force, slope, damping = law.linearise_at(position, self.velocity(y), self.phase,
-                                                     self.speed)
-            pull = (slope.reshape(c * c, samples) @ self.products
-                    + damping.reshape(c * c, samples) @ self.rate_products)
-        else:
-            force, slope = law.linearise(position)
-            pull = slope.reshape(c * c, samples) @ self.products
+        velocity = self.velocity(y) if law.moving else None
+        force, slope, damping = law.linearise(position, velocity, self.phase, self.speed)
+        pull = slope.reshape(c * c, samples) @ self.products
+        if damping is not None:
+            pull += damping.reshape(c * c, samples) @ self.rate_products
         residual = self.stiffness @ (y - self.linear.ravel()) - (force @ self.analysis).ravel()
         pull = pull.reshape(c, c, columns, columns).transpose(0, 2, 1, 3)
         return residual, self.stiffness - pull.reshape(c * columns, c * columns)

@@ -29,7 +29,7 @@ from hydrolab.dynamics.reduction import reduce
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory, contact_sentence
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
-from hydrolab.machine.pull import CircularPull, ForceLaw, force_at, linearise_at
+from hydrolab.machine.pull import CircularPull, ForceLaw
 from hydrolab.machine.quantities import number, require_model, turning, whole
 
 
@@ -53,13 +53,14 @@ class Task:
 
     def force(self, time: float, u: NDArray, rate: NDArray) -> NDArray:
         """Forces on the nonlinear coordinates u with velocities `rate`, N."""
-        return force_at(self.law(time), self.model.relative(u, self.centre), rate,
-                        self.speed * time, self.speed)
+        return self.law(time).force(self.model.relative(u, self.centre), rate, self.speed * time,
+                                    self.speed)
 
-    def linearise(self, time: float, u: NDArray, rate: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Forces, N, and their derivatives by position, N/m, and velocity, N s/m."""
-        return linearise_at(self.law(time), self.model.relative(u, self.centre), rate,
-                            self.speed * time, self.speed)
+    def linearise(self, time: float, u: NDArray,
+                  rate: NDArray) -> tuple[NDArray, NDArray, NDArray | None]:
+        """Forces, N, and their derivatives by position, N/m, and velocity, N s/m, or None."""
+        return self.law(time).linearise(self.model.relative(u, self.centre), rate,
+                                        self.speed * time, self.speed)
 
     def unbalance(self, time: float) -> NDArray:
         """Unbalance force on all DOFs, N."""
@@ -155,7 +156,8 @@ def implicit_forces(task: Task, compliance: NDArray, mobility: NDArray) -> Calla
             there, slope, damping = task.linearise(t, place, rate + mobility @ f)
             if not np.isfinite(there).all():
                 return there
-            step = np.linalg.solve(one - slope @ compliance - damping @ mobility, there - f)
+            slope = slope @ compliance + (0 if damping is None else damping @ mobility)
+            step = np.linalg.solve(one - slope, there - f)
             f = f + step
             if not np.abs(compliance @ step).max() > 1e-13 * (scale + np.abs(place).max()):
                 return f
@@ -342,7 +344,8 @@ class RungeKutta:
                     + math.sin(phase) * shaken[0] + math.cos(phase) * shaken[1])
 
         def clearance(t: float, s: NDArray) -> float:
-            return float(m.law.smallest_gap(watch[:2] @ s[:r] - task.centre)) - 1e-6 * m.gap
+            u = m.relative(watch @ s[:r], task.centre)
+            return float(m.law.smallest_gap(u, task.speed * t)) - 1e-6 * m.gap
 
         clearance.terminal = True
         for revolution in range(revolutions):
@@ -473,7 +476,8 @@ def _up_to_the_end(task: Task, block: Block, before: Block) -> tuple[Block, str 
     there is none.
     """
     times, path, state = block
-    clear = task.model.law.smallest_gap(path - task.centre[:, None]) > 0  # false for nan
+    law, place = task.model.law, path - task.centre[:, None]
+    clear = law.smallest_gap(place, task.speed * times) > 0  # false for nan
     if clear.all():
         return block, None
     first = int(np.argmin(clear))
@@ -483,6 +487,6 @@ def _up_to_the_end(task: Task, block: Block, before: Block) -> tuple[Block, str 
     else:
         near = path[:, :first + 1] if np.isfinite(path[:, first]).all() else np.hstack([before[1],
                                                                                         path[:, :first]])
-        angle = float(task.model.law.gap_angle(near[:, -1] - task.centre))
+        angle = float(law.gap_angle(near[:, -1] - task.centre, task.speed * times[first]))
         sentence = contact_sentence(times[first], task.speed, angle)
     return (times[:first], path[:, :first], np.full_like(state, np.nan)), sentence

@@ -211,7 +211,7 @@ class PeriodicOrbit:
         raise Contact(f"The steady state at {100 * self.static_eccentricity:.4g} % would touch the "
                       "stator: "
                       + contact_sentence(phase[0] / self.speed, self.speed,
-                                         float(self.model.law.gap_angle(place)[0]))
+                                         float(self.model.law.gap_angle(place, phase)[0]))
                       + " Lower the eccentricity, the unbalance or the field.")
 
     def __str__(self) -> str:
@@ -235,7 +235,8 @@ def clearances(eq: Condensed, local: NDArray, centre: NDArray) -> NDArray:
     local: [mean, sin 1, cos 1, …] of the nonlinear coordinates, (c, 2m + 1). centre: m, (2,).
     """
     place = eq.model.relative(synthesise(local, PERIOD), centre[:, None])
-    return np.broadcast_to(eq.model.law.smallest_gap(place), len(PERIOD))
+    phase = eq.revolutions * PERIOD
+    return np.broadcast_to(eq.model.law.smallest_gap(place, phase), len(PERIOD))
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ from hydrolab.dynamics.harmonics import fourier_rows, rate_rows
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
 from hydrolab.dynamics.solvers import newton
 from hydrolab.errors import BadInput, NoConvergence
-from hydrolab.machine.pull import CircularPull, linearise_at
+from hydrolab.machine.pull import CircularPull
 
 NEAR = 0.9
 
@@ -85,10 +85,11 @@ def magnus_product(system: Split, coefficients: NDArray, centre: NDArray, steps:
     found = np.empty((len(coefficients), *system.constant.shape))
     for i, (orbit, stator) in enumerate(zip(coefficients, centre, strict=True)):
         path = system.model.relative(orbit @ rows, stator[:, None])
-        _, slope, damping = linearise_at(system.model.law, path, orbit @ rates, revolutions * turn,
-                                         system.speed)
-        acts = ((slope - system.slope[:, :, None]).transpose(2, 0, 1) @ system.watch
-                + damping.transpose(2, 0, 1) @ system.watch_rate)
+        _, slope, damping = system.model.law.linearise(path, orbit @ rates, revolutions * turn,
+                                                       system.speed)
+        acts = (slope - system.slope[:, :, None]).transpose(2, 0, 1) @ system.watch
+        if damping is not None:
+            acts += damping.transpose(2, 0, 1) @ system.watch_rate
         product = np.eye(len(system.constant))
         for step in scipy.linalg.expm(h * (system.constant + system.push @ acts)):
             product = step @ product

@@ -440,7 +440,8 @@ def _draw_gap_left(axes: Axes, study: StudyResult) -> None:
     beyond = study.beyond
     turns = (beyond.times - beyond.times[0]) * study.speed / (2 * math.pi)
     shown = turns <= SHOWN if beyond.finished else np.ones(len(turns), dtype=bool)
-    gap = MM * study.model.law.smallest_gap(beyond.positions[:, shown] - beyond.centre[:, None])
+    place = beyond.positions[:, shown] - beyond.centre[:, None]
+    gap = MM * study.model.law.smallest_gap(place, study.speed * beyond.times[shown])
     axes.plot(turns[shown], gap, color=COLOURS["integration"], linewidth=1.4)
     axes.axhline(0, color=COLOURS["stator"], linewidth=5)
     axes.set_xlim(0, turns[shown][-1])

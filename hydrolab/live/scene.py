@@ -252,12 +252,9 @@ class MachineScene:
     def _pull(self, phase: Any) -> np.ndarray:
         """Pull on the generator at phases of the orbit, N, (2, …)."""
         orbit = self.shown.orbit
-        e = orbit.positions(np.atleast_1d(phase)) - orbit.centre[:, None]
-        law = orbit.model.law
-        # the pull's own share is what the card's gap gives
-        if len(orbit.model.selection) > 2 or law.moving:
-            law = self.machine.model().law if not self.machine.model().law.moving else law
-        return law.force(e)
+        phase = np.atleast_1d(phase)
+        u = orbit.model.relative(orbit.coordinates(phase), orbit.centre[:, None])
+        return orbit.model.pull(u, phase, orbit.speed)
 
     # ------------------------------------------------------------------ moving
 

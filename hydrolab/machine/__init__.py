@@ -10,16 +10,7 @@ puts all of it together: M, C, G, K, the law, the unbalance.
 from hydrolab.machine.bearings import Crack, JournalFilm, PadBearing, ShortFilm
 from hydrolab.machine.cards import card_names, card_text, load_machine, vary
 from hydrolab.machine.elements import energies, shaft_element
-from hydrolab.machine.gap_shape import (
-    Bulge,
-    Poles,
-    TurningPull,
-    gap_shapes,
-    outline,
-    read_gap,
-    selection_rule,
-    shaped_law,
-)
+from hydrolab.machine.gap_shape import Poles, gap_shapes, read_gap, selection_rule
 from hydrolab.machine.model import Model, body_matrices, rigid_link
 from hydrolab.machine.parts import (
     AirGap,
@@ -32,20 +23,23 @@ from hydrolab.machine.parts import (
 )
 from hydrolab.machine.pole_pairs import PolePairPull, series_force, truncated_size, whole_size
 from hydrolab.machine.pull import (
+    Bulge,
     CircularPull,
-    FieldWave,
+    ForceLaw,
     LinearPull,
     ShapedPull,
     TiltedPull,
     Wave,
     closed_form,
+    outline,
+    shaped_law,
     tangential_limit,
 )
 
 __all__ = [
-    "AirGap", "Bulge", "CircularPull", "Crack", "FieldWave", "JournalFilm", "LinearPull", "Machine",
+    "AirGap", "Bulge", "CircularPull", "Crack", "ForceLaw", "JournalFilm", "LinearPull", "Machine",
     "Model", "PadBearing", "PolePairPull", "Poles", "RadialBearing", "RayleighDamping", "RigidBody",
-    "Shaft", "ShapedPull", "ShortFilm", "ThrustBearing", "TiltedPull", "TurningPull", "Wave",
+    "Shaft", "ShapedPull", "ShortFilm", "ThrustBearing", "TiltedPull", "Wave",
     "body_matrices", "card_names", "card_text", "closed_form", "energies", "gap_shapes",
     "load_machine", "outline", "read_gap", "rigid_link", "selection_rule", "series_force",
     "shaft_element", "shaped_law", "tangential_limit", "truncated_size", "vary", "whole_size",

@@ -35,18 +35,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.crack import BreathingCrack, crack_flexibility, stiffness_loss
+from hydrolab.machine.pull import ForceLaw, Linear
 from hydrolab.machine.quantities import bearing_matrix, nickname, number, shown, whole
 
 
 @dataclass(frozen=True)
-class Pads:
+class Pads(ForceLaw):
     """Force of `count` equal pads at equal angles on a journal at u = (x, z).
 
     stiffness: of one pad, N/m. clearance: of each, m; negative is a preload. angle: gap angle of
@@ -54,7 +54,7 @@ class Pads:
     matrix, N/m, which this law takes back.
     """
 
-    moving: ClassVar[bool] = False
+    magnetic, gap = False, math.inf
     stiffness: float
     clearance: float
     count: int
@@ -81,17 +81,14 @@ class Pads:
         beyond = np.tensordot(u, n, axes=(0, 0)) - self.clearance
         return n, beyond, np.hypot(beyond, self.rounding)
 
-    def force(self, u: NDArray) -> NDArray:
-        """Force on the journal, N; shape of u."""
-        n, d, h = self._pressed(u)
-        return self.reference * u - self.stiffness / 2 * np.einsum("ij,...j->i...", n, d + h)
-
-    def linearise(self, u: NDArray) -> tuple[NDArray, NDArray]:
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
         """Force, N, and its derivative, N/m."""
         n, d, h = self._pressed(u)
         slope = -self.stiffness / 2 * np.einsum("ik,jk,...k->ij...", n, n, 1 + d / h)
         slope[[0, 1], [0, 1]] += self.reference
-        return self.reference * u - self.stiffness / 2 * np.einsum("ij,...j->i...", n, d + h), slope
+        force = self.reference * u - self.stiffness / 2 * np.einsum("ij,...j->i...", n, d + h)
+        return force, slope, None
 
     def potential(self, u: NDArray) -> NDArray:
         """V, J, with F = −∂V/∂u; shape of u without its first axis."""
@@ -99,13 +96,9 @@ class Pads:
         pressed = (d * d + d * h + self.rounding**2 * np.arcsinh(d / self.rounding)) / 4
         return self.stiffness * pressed.sum(axis=-1) - self.reference / 2 * (u * u).sum(axis=0)
 
-    def scaled(self, factor: float) -> Pads:
-        """The same law: a bearing does not change with the field."""
-        return self
-
 
 @dataclass(frozen=True)
-class ShortFilm:
+class ShortFilm(ForceLaw):
     """Force of a cavitated short film on a journal at u = (x, z) that moves with u̇, at a speed Ω.
 
     damping: C = µ R L³/c³, N s/m. clearance: radial, c, m; outside it the force is nan.
@@ -113,31 +106,24 @@ class ShortFilm:
     back.
     """
 
-    moving: ClassVar[bool] = True
+    moving, magnetic, gap = True, False, math.inf
     damping: float
     clearance: float
     reference: float = 0.0
 
-    def _squeeze(self, u: NDArray, velocity: NDArray, speed: float) -> tuple[NDArray, ...]:
+    def _squeeze(self, u: NDArray, velocity: NDArray | None, speed: float) -> tuple[NDArray, ...]:
         """|w|, its direction m and the quarter turn of it, and the parts p, q of u/c along them."""
-        wx, wz = velocity[0] - speed / 2 * u[1], velocity[1] + speed / 2 * u[0]
+        vx, vz = np.zeros_like(u) if velocity is None else velocity
+        wx, wz = vx - speed / 2 * u[1], vz + speed / 2 * u[0]
         size = np.hypot(wx, wz)
         safe = np.where(size > 0, size, 1.0)
         m = np.stack([np.where(size > 0, wx / safe, 0.0), np.where(size > 0, wz / safe, 1.0)])
         turned = np.stack([m[1], -m[0]])
-        return size, m, turned, (u * m).sum(axis=0) / self.clearance, (u * turned).sum(axis=0) / self.clearance
+        x = u / self.clearance
+        return size, m, turned, (x * m).sum(axis=0), (x * turned).sum(axis=0)
 
-    def force_at(self, u: NDArray, velocity: NDArray, phase: NDArray | float,
-                 speed: float) -> NDArray:
-        """Force on the journal, N; shape of u. velocity: m/s. speed: rad/s. The phase does not
-        matter.
-        """
-        size, m, turned, p, q = self._squeeze(u, velocity, speed)
-        pp, pq, _ = second_derivatives(p, q)
-        return self.reference * u - self.damping / 2 * size * (pp * m + pq * turned)
-
-    def linearise_at(self, u: NDArray, velocity: NDArray, phase: NDArray | float,
-                     speed: float) -> tuple[NDArray, NDArray, NDArray]:
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
         """Force, N, and its derivatives with respect to u, N/m, and to the velocity, N s/m."""
         size, m, turned, p, q = self._squeeze(u, velocity, speed)
         pp, pq, qq = second_derivatives(p, q)
@@ -155,10 +141,6 @@ class ShortFilm:
         by_place[:, 1] -= speed / 2 * by_velocity[:, 0]
         by_place[[0, 1], [0, 1]] += self.reference
         return force, by_place, by_velocity
-
-    def scaled(self, factor: float) -> ShortFilm:
-        """The same law: a film does not change with the field."""
-        return self
 
 
 def _parts(p: NDArray, q: NDArray) -> tuple[NDArray, NDArray, NDArray]:

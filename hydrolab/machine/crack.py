@@ -19,15 +19,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
+from hydrolab.machine.pull import ForceLaw, Linear
+
 
 @dataclass(frozen=True)
-class BreathingCrack:
+class BreathingCrack(ForceLaw):
     """Moment of a crack on the slope difference κ, (2, …) rad, at the phase Ωt of the shaft.
 
     loss: Δ, N m/rad. phase: ψ, rad. rounding: the corner of p is rounded over this angle, rad; p(d)
@@ -35,7 +36,7 @@ class BreathingCrack:
     asymmetric shaft.
     """
 
-    moving: ClassVar[bool] = True
+    moving, magnetic, gap = True, False, math.inf
     loss: float
     phase: float = 0.0
     rounding: float = 1e-7
@@ -47,29 +48,16 @@ class BreathingCrack:
         n = np.stack([np.sin(angle), np.cos(angle)])
         return n, -(n * kappa).sum(axis=0)
 
-    def force_at(self, kappa: NDArray, velocity: NDArray, phase: NDArray | float,
-                 speed: float) -> NDArray:
-        """Moment, N m; shape of κ. phase: Ωt, rad. Neither the velocity nor the speed matter."""
-        n, opening = self._towards(kappa, phase)
-        return -self.loss * n * (self._open(opening)[0] if self.breathes else opening)
-
-    def linearise_at(self, kappa: NDArray, velocity: NDArray, phase: NDArray | float,
-                     speed: float) -> tuple[NDArray, NDArray, NDArray]:
-        """Moment, N m, its derivative with respect to κ, N m/rad, and that to its rate, which is
-        zero.
-        """
-        n, opening = self._towards(kappa, phase)
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
+        """Moment, N m, and its derivative with respect to κ = u, N m/rad."""
+        n, opening = self._towards(u, phase)
         size, share = self._open(opening) if self.breathes else (opening, np.ones_like(opening))
-        slope = self.loss * share * n[:, None] * n
-        return -self.loss * n * size, slope, np.zeros_like(slope)
+        return -self.loss * n * size, self.loss * share * n[:, None] * n, None
 
     def _open(self, opening: NDArray) -> tuple[NDArray, NDArray]:
         hypotenuse = np.hypot(opening, self.rounding)
         return (opening + hypotenuse) / 2, (1 + opening / hypotenuse) / 2
-
-    def scaled(self, factor: float) -> BreathingCrack:
-        """The same law: a crack does not change with the field."""
-        return self
 
 
 @lru_cache(maxsize=64)

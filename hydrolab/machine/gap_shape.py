@@ -23,119 +23,17 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.pole_pairs import PolePairPull
-from hydrolab.machine.pull import FieldWave, ForceLaw, ShapedPull, loaded
+from hydrolab.machine.pull import Bulge, ForceLaw, Wave, outline, shaped_law
 from hydrolab.machine.quantities import nickname, number, shown, whole
-
-POINTS = 256
-
-
-@dataclass(frozen=True)
-class Bulge:
-    """One order of a shape: the radius is larger by size · cos(order (φ − angle)). size: m. angle:
-    of a peak, rad.
-    """
-
-    order: int
-    size: float
-    angle: float = 0.0
-
-
-def outline(bulges: tuple[Bulge, ...], angle: NDArray) -> NDArray:
-    """By how much the radius is larger at gap angles (any shape), m."""
-    return sum((b.size * np.cos(b.order * (angle - b.angle)) for b in bulges),
-               np.zeros(np.shape(angle)))
-
-
-def shaped_law(stiffness: float, gap: float, stator: tuple[Bulge, ...] = (),
-               rotor: tuple[Bulge, ...] = (),
-               points: int = POINTS) -> ForceLaw:
-    """The pull between two shapes: a `ShapedPull` where only the stator is out of round, else a
-    `TurningPull`.
-
-    stiffness, gap: k (N/m) and g0 (m) of the nominal circular gap.
-    """
-    if rotor:
-        return TurningPull(stiffness, gap, stator, rotor, points)
-    return ShapedPull(stiffness, gap, gap + outline(stator, 2 * np.pi * np.arange(points) / points))
-
-
-@dataclass(frozen=True)
-class TurningPull:
-    """The pull on a rotor out of round that turns in a stator of any shape, by the trapezoidal
-    rule.
-
-    stiffness, gap: k (N/m) and g0 (m) of the nominal circular gap. stator, rotor: their shapes, the
-    rotor's at phase 0.
-    """
-
-    moving: ClassVar[bool] = True
-    stiffness: float
-    gap: float
-    stator: tuple[Bulge, ...]
-    rotor: tuple[Bulge, ...]
-    points: int = POINTS
-
-    def _around(self, e: NDArray, phase: NDArray | float) -> tuple[NDArray, NDArray, float]:
-        """Directions (2, N), the gap (…, N), nan below zero, and the weight k g0³/N."""
-        angle = 2 * np.pi * np.arange(self.points) / self.points
-        direction = np.stack([np.sin(angle), np.cos(angle)])
-        gap = (self.gap + outline(self.stator, angle) - outline(self.rotor,
-                                                                angle
-                                                                - np.asarray(phase)[..., None])
-               - np.tensordot(e, direction, axes=(0, 0)))
-        return direction, np.where(gap > 0, gap, np.nan), self.stiffness * self.gap**3 / self.points
-
-    def force_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
-                 speed: float) -> NDArray:
-        """Force on the rotor, N, shape of e; velocity and speed do not matter. nan where the rotor
-        is in the stator.
-        """
-        direction, gap, weight = self._around(e, phase)
-        return weight * np.einsum("in,...n->i...", direction, gap**-2.0)
-
-    def linearise_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
-                     speed: float) -> tuple[NDArray, NDArray, NDArray]:
-        """Force, N, with its derivatives by position, N/m, and by velocity, which are zero."""
-        direction, gap, weight = self._around(e, phase)
-        slope = 2 * weight * np.einsum("in,jn,...n->ij...", direction, direction, gap**-3.0)
-        return weight * np.einsum("in,...n->i...", direction,
-                                  gap**-2.0), slope, np.zeros_like(slope)
-
-    def potential(self, e: NDArray, phase: NDArray | float) -> NDArray:
-        """V, J, with F = −∂V/∂e at a fixed phase."""
-        _, gap, weight = self._around(e, phase)
-        return -weight * (1 / gap).sum(axis=-1)
-
-    def _narrowest(self, e: NDArray) -> NDArray:
-        """The gap around the circumference with the rotor's highest point there, m, (…, N)."""
-        angle = 2 * np.pi * np.arange(self.points) / self.points
-        direction = np.stack([np.sin(angle), np.cos(angle)])
-        highest = outline(self.rotor, angle).max()
-        return self.gap + outline(self.stator, angle) - highest - np.tensordot(e[:2], direction,
-                                                                               axes=(0, 0))
-
-    def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap there can be at this place in any phase, m: the rotor's highest point
-        meets every angle.
-        """
-        return self._narrowest(e).min(axis=-1)
-
-    def gap_angle(self, e: NDArray) -> NDArray:
-        """Angle of that smallest gap, rad, from z towards x."""
-        return 2 * np.pi * self._narrowest(e).argmin(axis=-1) / self.points
-
-    def scaled(self, factor: float) -> TurningPull:
-        """The same law, `factor` times as strong."""
-        return replace(self, stiffness=factor * self.stiffness)
 
 
 class ShapeForce(NamedTuple):
@@ -216,20 +114,28 @@ class Poles:
         if self.series not in SERIES:
             raise BadInput(f"poles.series is {shown(self.series)}; it must be one of "
                            f"{', '.join(SERIES)}.")
-        if self.stator_mmf and (self.backward or self.series != "whole"):
+        if self.stator_mmf and self.series != "whole":
             raise BadInput(f"poles.stator_mmf is {self.stator_mmf:g}, which is taken by quadrature "
-                           "in a field without "
-                           "a backward wave; leave out backward and series.")
+                           "of the whole gap; leave out series.")
 
-    def law(self, stiffness: float, gap: float) -> PolePairPull | FieldWave:
-        """The law of the field in a round gap. stiffness: k, N/m. gap: g0, m."""
-        p, ratio = self.pole_pairs, self.electrical_ratio or float(self.pole_pairs)
-        if self.stator_mmf:
-            return FieldWave(stiffness, gap,
-                             loaded(p, self.stator_mmf, self.load_angle, ratio, self.pole_angle))
-        return PolePairPull(stiffness, gap, p, ratio, self.pole_angle, self.backward,
-                            self.backward_angle,
-                            self.series == "published")
+    @property
+    def ratio(self) -> float:
+        """Electrical over mechanical angle."""
+        return self.electrical_ratio or float(self.pole_pairs)
+
+    def waves(self) -> tuple[Wave, ...]:
+        """The waves of magnetomotive force: the rotor's, the stator's behind it, the backward one.
+        """
+        p, start, ratio = self.pole_pairs, self.pole_angle, self.ratio
+        waves = (Wave(p, 1.0, ratio, start),
+                 Wave(p, self.stator_mmf, ratio, start - self.load_angle),
+                 Wave(p, self.backward, -ratio, -start - self.backward_angle))
+        return tuple(wave for wave in waves if wave.share)
+
+    def closed(self, stiffness: float, gap: float) -> PolePairPull:
+        """The law of the field in a round gap in closed form, without a stator's wave."""
+        return PolePairPull(stiffness, gap, self.pole_pairs, self.ratio, self.pole_angle,
+                            self.backward, self.backward_angle, self.series == "published")
 
 
 @dataclass(frozen=True)
@@ -269,25 +175,32 @@ def gap_shapes(side: str, bulges: Sequence[Bulge], name: str = "") -> tuple[GapS
                  for b in bulges)
 
 
-def check_gap(gap: float, *, tilt: bool, linear: bool, poles: Poles | None,
+def gap_law(stiffness: float, gap: float, poles: Poles | None,
+            shapes: tuple[GapShape, ...]) -> ForceLaw:
+    """The pull of poles and shapes, at least one of them: in closed form where there is one.
+
+    stiffness: k, N/m. gap: g0, m.
+    """
+    if poles and not shapes and not poles.stator_mmf:
+        return poles.closed(stiffness, gap)
+    stator, rotor = (tuple(s.bulge() for s in shapes if s.of == side) for side in SIDES)
+    return shaped_law(stiffness, gap, stator, rotor, poles.waves() if poles else ())
+
+
+def check_gap(gap: float, *, linear: bool, poles: Poles | None,
               shapes: tuple[GapShape, ...]) -> None:
     """Say in a sentence which parts do not go together in one air gap (gap: g0, m; inf where there
     is none).
     """
+    what = "poles" if poles else "shapes"
     if math.isinf(gap) and (poles or shapes):
-        raise BadInput(f"{'poles' if poles else 'shapes'} needs an air gap; add [air_gap].")
-    if poles and shapes:
-        raise BadInput(f"poles has {poles.pole_pairs} pole pairs and shapes has {len(shapes)} "
-                       "entries; the law of the gap "
-                       "takes one of them, so leave out the other.")
+        raise BadInput(f"{what} needs an air gap; add [air_gap].")
     if linear and (poles or shapes):
         raise BadInput("air_gap.linear is true, which is the pull of design tools in a round gap; "
-                       "leave out "
-                       f"{'poles' if poles else 'shapes'} or air_gap.linear.")
-    if tilt and (poles or any(shape.of == "rotor" for shape in shapes)):
-        raise BadInput("air_gap.tilt is true, which takes a pull that stands still; leave out "
-                       "air_gap.tilt, the poles "
-                       "and the shapes of the rotor.")
+                       f"leave out {what} or air_gap.linear.")
+    if poles and shapes and poles.series != "whole":
+        raise BadInput(f"poles.series is {shown(poles.series)}, a series for a round gap, and "
+                       f"shapes has {len(shapes)} entries; leave out poles.series or the shapes.")
     names = [shape.name for shape in shapes]
     for shape in shapes:
         if names.count(shape.name) > 1:

@@ -25,9 +25,17 @@ from numpy.typing import NDArray
 from hydrolab.errors import BadInput
 from hydrolab.machine.bearings import Crack
 from hydrolab.machine.elements import shaft_element
-from hydrolab.machine.gap_shape import shaped_law
+from hydrolab.machine.gap_shape import gap_law
 from hydrolab.machine.parts import Machine, RigidBody
-from hydrolab.machine.pull import CircularPull, ForceLaw, LinearPull, Placed, SeveralLaws, TangentialPull, TiltedPull
+from hydrolab.machine.pull import (
+    CircularPull,
+    ForceLaw,
+    LinearPull,
+    Placed,
+    SeveralLaws,
+    TangentialPull,
+    TiltedPull,
+)
 
 # relative difference below which two frequencies are the pair of an isotropic rotor
 DISTINCT = 1e-6
@@ -81,20 +89,15 @@ def air_gap_law(machine: Machine, centre: NDArray) -> tuple[ForceLaw, NDArray]:
         rows = np.vstack([centre, slopes(machine.body(air.body).node, centre.shape[1])])
     if air.tangential:
         across = TangentialPull(air.tangential * air.pull_stiffness, air.gap)
-        law = SeveralLaws((Placed(law, slice(0, len(rows)), magnetic=True),
-                           Placed(across, slice(0, 2), magnetic=True)))
+        law = SeveralLaws((Placed(law, slice(0, len(rows))), Placed(across, slice(0, 2))))
     return law, rows
 
 
 def upright_law(machine: Machine) -> ForceLaw:
     """The pull of the air gap along the eccentricity, of a rotor that does not tilt."""
     air = machine.air_gap
-    if machine.poles:
-        return machine.poles.law(air.pull_stiffness, air.gap)
-    if machine.shapes:
-        stator, rotor = (tuple(s.bulge() for s in machine.shapes if s.of == side)
-                         for side in ("stator", "rotor"))
-        return shaped_law(air.pull_stiffness, air.gap, stator, rotor)
+    if machine.poles or machine.shapes:
+        return gap_law(air.pull_stiffness, air.gap, machine.poles, machine.shapes)
     return (LinearPull if air.linear else CircularPull)(air.pull_stiffness, air.gap)
 
 
@@ -129,7 +132,7 @@ def attach(machine: Machine, per_node: int, centre: NDArray) -> tuple[ForceLaw, 
              for crack in machine.cracks]
     if not more:
         return pull, rows
-    placed = [Placed(pull, slice(0, len(rows)), magnetic=True)]
+    placed = [Placed(pull, slice(0, len(rows)))]
     for law, own in more:
         placed.append(Placed(law, slice(len(rows), len(rows) + 2)))
         rows = np.vstack([rows, own])
@@ -212,6 +215,16 @@ class Model:
         out = coordinates.copy()
         out[:2] -= centre
         return out
+
+    def pull(self, u: NDArray, phase: NDArray | float = 0.0, speed: float = 0.0) -> NDArray:
+        """The magnetic pull alone on the generator's (x, z), N, (2, …): what the field adds.
+
+        u: the nonlinear coordinates as the law takes them, (c, …). phase: Ωt, rad. speed: rad/s.
+        """
+        still = np.zeros_like(u)
+        with_it, without = (law.force(u, still, phase, speed)
+                            for law in (self.law, self.law.scaled(0.0)))
+        return (with_it - without)[:2]
 
     def with_field(self, ratio: float) -> Model:
         """The same rotor with the flux density multiplied by `ratio` (0 switches the field off)."""

@@ -20,7 +20,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hydrolab.errors import BadInput
-from hydrolab.machine.bearings import Crack, JournalFilm, PadBearing, RadialBearing, RayleighDamping, ThrustBearing
+from hydrolab.machine.bearings import (
+    Crack,
+    JournalFilm,
+    PadBearing,
+    RadialBearing,
+    RayleighDamping,
+    ThrustBearing,
+)
 from hydrolab.machine.gap_shape import GapShape, Poles, check_gap
 from hydrolab.machine.quantities import SI_UNITS, Entry, nickname, number, quantity, shown, vector
 
@@ -244,9 +251,8 @@ class Machine:
             raise BadInput(f"air_gap.body is {shown(self.air_gap.body)}; it must be the name of a "
                            f"body: {names}.")
         air = self.air_gap
-        check_gap(air.gap if air else math.inf, tilt=bool(air and air.tilt),
-                  linear=bool(air and air.linear),
-                  poles=self.poles, shapes=self.shapes)
+        check_gap(air.gap if air else math.inf, linear=bool(air and air.linear), poles=self.poles,
+                  shapes=self.shapes)
 
     def _check_point_mass(self) -> None:
         for body in self.bodies:

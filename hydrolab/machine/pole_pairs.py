@@ -18,11 +18,12 @@ same series (`series_force`).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import ClassVar
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from hydrolab.machine.pull import ForceLaw, Linear
 
 # of the series to third order: a_n w² (1 + w)ⁿ as a polynomial in ρ²
 KEPT = {1: (1, 1, 1), 3: (2, 0, 0), 5: (1, 0, 0)}
@@ -51,7 +52,7 @@ def truncated_size(w: NDArray, n: int) -> tuple[NDArray, NDArray]:
 
 
 @dataclass(frozen=True)
-class PolePairPull:
+class PolePairPull(ForceLaw):
     """The pull of a wave of p pole pairs in closed form.
 
     stiffness: k = π B0² u0 l0/(µ0 g0), N/m, with the rms value B0 of the forward wave. gap: g0, m.
@@ -62,7 +63,7 @@ class PolePairPull:
     permeance to its third order (Guo, Chu and Chen 2002), not the whole force.
     """
 
-    moving: ClassVar[bool] = True
+    moving = True
     stiffness: float
     gap: float
     pole_pairs: int
@@ -83,16 +84,10 @@ class PolePairPull:
         room = 1 - np.abs(zeta) ** 2
         return zeta, np.sqrt(np.where(room > 0, room, np.nan))
 
-    def force_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
-                 speed: float) -> NDArray:
-        """Force on the rotor, N, shape of e; velocity and speed do not matter. nan where |e| ≥ g0.
-        """
-        return self.linearise_at(e, velocity, phase, speed)[0]
-
-    def linearise_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
-                     speed: float) -> tuple[NDArray, NDArray, NDArray]:
-        """Force, N, with its derivatives by position, N/m, and by velocity, which are zero."""
-        zeta, w = self._place(e)
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
+        """Force, N, and its derivative, N/m; nan where |e| ≥ g0."""
+        zeta, w = self._place(u)
         conj, c, p = zeta.conj(), self.wave(phase), self.pole_pairs
         size = truncated_size if self.truncated else whole_size
         force, by_zeta, by_conj = (np.zeros(np.broadcast(zeta, c).shape, dtype=complex)
@@ -112,29 +107,16 @@ class PolePairPull:
         along_z, along_x = by_zeta + by_conj, 1j * (by_zeta - by_conj)
         jacobian = self.stiffness * np.stack([np.stack([along_x.imag, along_z.imag]),
                                               np.stack([along_x.real, along_z.real])])
-        return self.stiffness * self.gap * np.stack([force.imag,
-                                                     force.real]), jacobian, np.zeros_like(jacobian)
+        return self.stiffness * self.gap * np.stack([force.imag, force.real]), jacobian, None
 
-    def potential(self, e: NDArray, phase: NDArray | float) -> NDArray:
+    def potential(self, u: NDArray, phase: NDArray | float) -> NDArray:
         """V, J, with F = −∂V/∂e at a fixed phase, of the whole force; shape of e without its first
         axis.
         """
-        zeta, w = self._place(e)
+        zeta, w = self._place(u)
         c, n = self.wave(phase), 2 * self.pole_pairs
         beat = (c.conj() ** 2 * zeta**n).real / (w * (1 + w) ** n)
         return -self.stiffness * self.gap**2 * (np.abs(c) ** 2 / w + beat)
-
-    def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap around the circumference, m."""
-        return self.gap - np.hypot(e[0], e[1])
-
-    def gap_angle(self, e: NDArray) -> NDArray:
-        """Angle at which the gap is smallest, rad, from z towards x."""
-        return np.arctan2(e[0], e[1])
-
-    def scaled(self, factor: float) -> PolePairPull:
-        """The same law, `factor` times as strong."""
-        return replace(self, stiffness=factor * self.stiffness)
 
 
 def series_force(pole_pairs: int, orders: int = 3):
@@ -151,10 +133,8 @@ def series_force(pole_pairs: int, orders: int = 3):
     a, g, t = sp.symbols("a g t")
     permeance = sp.symbols(f"Lambda0:{orders + 1}")
     cosine = [(a**n / g**n + g**n / a**n) / 2 for n in range(orders + 1)]
-    field = (a**pole_pairs / t + t / a**pole_pairs) / 2 * sum(L * c
-                                                              for L,
-                                                              c in zip(permeance, cosine,
-                                                                       strict=True))
+    field = (a**pole_pairs / t + t / a**pole_pairs) / 2 * sum(
+        size * wave for size, wave in zip(permeance, cosine, strict=True))
     high = 2 * (pole_pairs + orders)  # makes a polynomial of what has negative powers of a
     stress = sp.Poly(sp.expand(sp.expand(field**2) * a ** (high + 1) / 2), a)
     return sp.expand(2 * sp.pi * stress.coeff_monomial(a**high)), g, t, list(permeance)

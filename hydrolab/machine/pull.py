@@ -1,86 +1,84 @@
-r"""Magnetic pull as a force law in local coordinates.
+r"""Force laws in local coordinates, and the magnetic pull in the air gap among them.
 
-A law acts on the rotor centre's position relative to the stator centre, e = (x − x_E, z − z_E),
-given coordinates first: e has shape (2, …) and the force the same shape; the derivative ∂F_i/∂e_j
-has shape (2, 2, …). Forces act ON the rotor, positive along +x and +z, so the pull points along e,
-towards the small gap. Gap angle φ runs from z towards x.
+Gap angle φ runs from z towards x. Forces act ON the rotor, positive along +x and +z, so the pull
+points along the eccentricity e = (x − x_E, z − z_E), towards the small gap.
 
 Source: Villa, Carvalho and Salomon, Eqs. (2) to (8), after Lundström and Aidanpää (2007).
-
-Several force laws in one model, each on its own coordinates, and laws of velocity and phase beside
-plain ones.
-
-A pull across the eccentricity, which damper circuits and cages add to the pull along it.
-
-F = k_t J e, with J the quarter turn from z to x: k_t > 0 pushes a rotor that whirls with the spin
-on its way. It stands beside the law of the pull on the same coordinates (`SeveralLaws`), so that F
-= k_r e + k_t J e for a linear pull k_r. A Jeffcott rotor with damping c is stable as long as c ω >
-|k_t|, with ω = √((k − k_r)/m): k_t > 0 drives its forward whirl, k_t < 0 its backward whirl.
-Karlsson et al. (2007) find such a pull where a generator has a damper winding. Here k_t is
-constant, while a circuit's depends on the whirl frequency.
-
-The pull of a rotor that tilts in its stator: each height of the rim has its own eccentricity.
-
-A rim of height h whose centre lies at e and whose axis leans by the slopes t = (∂x/∂y, ∂z/∂y) has,
-at the height s below its centre, the eccentricity e + s t. Its pull and the moment that goes with
-the slopes are
-
-F = (1/h) ∫ f(e + s t) ds, N = (1/h) ∫ s f(e + s t) ds, s from −h/2 to h/2,
-
-with f the pull of the whole rim if it did not lean. For small motion N = k (h²/12) t: the tilt
-pull, which Gustavsson and Aidanpää (2006) give a rim with its hub off the middle, and which a model
-without tilt leaves out.
-
-The pull of any magnetomotive force in the true gap, by quadrature: waves of the rotor and the
-stator added up.
-
-f(φ, t) = Σ share cos(order · φ − ratio · Ωt − angle), and F = (k g0³/2π) ∮ 2 f² (sin φ, cos φ)/g²
-dφ with the gap g = g0 − e_x sin φ − e_z cos φ, no series. A lone wave of share 1 is the field whose
-rms is B0, so its mean pull is that of `CircularPull`. Pennacchi and Frosini (2005) take the rotor's
-and the stator's wave with the load angle between them; their parameters could not be read.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+Linear = tuple[NDArray, NDArray, NDArray | None]  # force, ∂F_i/∂u_j, ∂F_i/∂v_j
 
-class ForceLaw(Protocol):
-    """What a solver asks of a force law.
 
-    moving: whether the force also depends on the velocity or on the phase Ωt of the rotation. Such
-    a law has `force_at(e, velocity, phase, speed)` and `linearise_at(e, velocity, phase, speed)`,
-    which also returns ∂F_i/∂ė_j, N s/m, in place of the first two; phase, rad, is broadcast against
-    the axes of e after its first, speed is Ω, rad/s.
+class ForceLaw:
+    """Forces on a few coordinates u, given coordinates first: u has the shape (c, …).
+
+    A new law is a frozen dataclass that derives from this class and follows these rules.
+
+    1. It writes `linearise`. It writes `force` too where that is cheaper than the first of the
+       three things `linearise` returns.
+    2. The force has the shape of u, its derivatives the shape (c, c, …). Forces act on the rotor.
+       u is in m or rad, velocity the same per second, phase Ωt in rad, speed Ω in rad/s; phase is
+       broadcast against the axes of u after its first. Both methods take any number of such axes.
+    3. Where the law has no answer (outside the gap) the force is nan, without a warning.
+    4. A law of the position alone leaves `moving` at False; solvers then give it u only. Any other
+       says `moving = True` and is given all four. One that knows no velocity returns None as its
+       third derivative.
+    5. The force of a magnetic law is proportional to its field `stiffness` (or it writes `scaled`).
+       One that the field does not touch says `magnetic = False`.
+    6. `coordinates` is c. The first two of a law in the air gap are the eccentricity (x, z), m.
+    7. A law in the air gap has a field `gap`, its nominal gap, m; any other says
+       `gap = math.inf`. Where the gap is not round, it writes `narrowest`.
     """
 
-    moving: bool
+    moving: bool = False
+    magnetic: bool = True
+    coordinates: int = 2
+    gap: float
 
-    def force(self, e: NDArray) -> NDArray:
-        """Force on the rotor, N; shape of e."""
+    def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+              speed: float = 0.0) -> NDArray:
+        """Force on the rotor, N or N m; shape of u."""
+        return self.linearise(u, velocity, phase, speed)[0]
 
-    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]:
-        """Force, N, and its derivative, N/m, with one more axis in front."""
-
-    def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap around the circumference, m; e: all of the law's coordinates, or (x, z)
-        alone.
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
+        """Force with its derivatives by position and by velocity, (c, c, …), the last None where
+        there is none.
         """
+        raise NotImplementedError
 
-    def gap_angle(self, e: NDArray) -> NDArray:
-        """Gap angle of the smallest gap, rad, from z towards x."""
+    def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
+        """Smallest gap, m, and its gap angle, rad; each has the shape of u without its first axis.
+        """
+        return self.gap - np.hypot(u[0], u[1]), np.arctan2(u[0], u[1])
+
+    def smallest_gap(self, u: NDArray, phase: NDArray | float = 0.0) -> NDArray:
+        """Smallest air gap around the circumference, m; zero or less is contact."""
+        return self.narrowest(u, phase)[0]
+
+    def gap_angle(self, u: NDArray, phase: NDArray | float = 0.0) -> NDArray:
+        """Angle at which the gap is smallest, rad, from z towards x."""
+        return self.narrowest(u, phase)[1]
 
     def scaled(self, factor: float) -> Self:
-        """The same law, `factor` times as strong."""
+        """The same law, `factor` times as strong (the pull grows with the square of the field)."""
+        if not self.magnetic:
+            return self
+        own: Any = self
+        return replace(own, stiffness=factor * own.stiffness)
 
 
 @dataclass(frozen=True)
-class CircularPull:
+class CircularPull(ForceLaw):
     r"""Pull of a circular rotor in a circular stator, in closed form.
 
     F = k e / (1 − ε²)^{3/2} with ε = |e|/g0: the integral of Eqs. (7) and (8) with the gap of
@@ -91,122 +89,345 @@ class CircularPull:
 
     stiffness: float
     gap: float
-    moving = False
 
-    def force(self, e: NDArray) -> NDArray:
-        """Force on the rotor, N; shape of e. Meaningless (nan) where |e| ≥ g0."""
-        ex, ez = e
+    def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+              speed: float = 0.0) -> NDArray:
+        """Force on the rotor, N; shape of u. Meaningless (nan) where |e| ≥ g0."""
+        ex, ez = u
         with np.errstate(invalid="ignore", divide="ignore"):
-            return self.stiffness * (1 - (ex * ex + ez * ez) / self.gap**2) ** -1.5 * e
+            return self.stiffness * (1 - (ex * ex + ez * ez) / self.gap**2) ** -1.5 * u
 
-    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]:
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
         r"""Force, N, and its derivative, N/m.
 
         ∂F/∂e = k [(1 − ε²)^{−3/2} I + 3 (1 − ε²)^{−5/2} e eᵀ/g0²].
         """
-        ex, ez = e
+        ex, ez = u
         with np.errstate(invalid="ignore", divide="ignore"):
             s = 1 / (1 - (ex * ex + ez * ez) / self.gap**2)
             radial = self.stiffness * s * np.sqrt(s)
-        force = radial * e
-        jacobian = (3 / self.gap**2 * s * force)[:, None] * e
-        jacobian[0, 0] += radial
-        jacobian[1, 1] += radial
-        return force, jacobian
+        force = radial * u
+        slope = (3 / self.gap**2 * s * force)[:, None] * u
+        slope[0, 0] += radial
+        slope[1, 1] += radial
+        return force, slope, None
 
-    def potential(self, e: NDArray) -> NDArray:
-        """V = −k g0² (1 − ε²)^{−1/2}, J, with F = −∂V/∂e; shape of e without its first axis, nan
-        outside the gap.
-        """
-        ex, ez = e
+    def potential(self, u: NDArray) -> NDArray:
+        """V = −k g0² (1 − ε²)^{−1/2}, J, with F = −∂V/∂e; nan outside the gap."""
+        ex, ez = u
         with np.errstate(invalid="ignore", divide="ignore"):
             return -self.stiffness * self.gap**2 / np.sqrt(1 - (ex * ex + ez * ez) / self.gap**2)
 
-    def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap around the circumference, m; zero or less is contact."""
-        return self.gap - np.hypot(*e)
 
-    def gap_angle(self, e: NDArray) -> NDArray:
-        """Angle at which the gap is smallest, rad, from z towards x."""
-        return np.arctan2(e[0], e[1])
+@dataclass(frozen=True)
+class MatrixPull(ForceLaw):
+    """A linear law F = A u in the gap: each subclass says by `unit` what A is over k.
 
-    def scaled(self, factor: float) -> CircularPull:
-        """The same law, `factor` times as strong (the pull grows with the square of the field)."""
-        return replace(self, stiffness=factor * self.stiffness)
+    stiffness: k, N/m. gap: g0, m.
+    """
+
+    stiffness: float
+    gap: float
+    unit = np.eye(2)
+
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
+        """Force, N, and its derivative k times the unit, N/m."""
+        matrix = self.stiffness * self.unit
+        slope = np.broadcast_to(matrix.reshape(2, 2, *(1,) * (u.ndim - 1)), (2, *u.shape))
+        return (matrix @ u.reshape(2, -1)).reshape(u.shape), slope, None
+
+    def potential(self, u: NDArray) -> NDArray:
+        """V = −uᵀ A u/2, J, which exists for a symmetric A."""
+        return -0.5 * (u * self.force(u)).sum(axis=0)
+
+
+class LinearPull(MatrixPull):
+    """The pull as design tools take it: F = k e, a negative stiffness, at any eccentricity."""
+
+
+class TangentialPull(MatrixPull):
+    """A pull across the eccentricity, which damper circuits and cages add to the pull along it.
+
+    F = k_t J e, with J the quarter turn from z to x: k_t > 0 pushes a rotor that whirls with the
+    spin on its way. It stands beside the law of the pull (`SeveralLaws`), so that F = k_r e +
+    k_t J e for a linear pull k_r. A Jeffcott rotor with damping c is stable as long as c ω > |k_t|,
+    with ω = √((k − k_r)/m): k_t > 0 drives its forward whirl, k_t < 0 its backward whirl. Karlsson
+    et al. (2007) find such a pull where a generator has a damper winding. Here k_t is constant,
+    while a circuit's depends on the whirl frequency.
+    """
+
+    unit = np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+
+def tangential_limit(mass: float, damping: float, stiffness: float, pull: float) -> float:
+    """Largest |k_t|, N/m, of a stable Jeffcott rotor: c √((k − k_r)/m).
+
+    mass: kg. damping: c, N s/m. stiffness: k of the spring, N/m. pull: k_r, N/m, less than k, or
+    nan comes back.
+    """
+    return damping * math.sqrt((stiffness - pull) / mass) if pull < stiffness else math.nan
 
 
 @dataclass(frozen=True)
-class LinearPull(CircularPull):
-    """The pull as design tools take it: F = k e, a negative stiffness, at any eccentricity."""
+class Bulge:
+    """One order of a shape: the radius is larger by size · cos(order (φ − angle)). size: m. angle:
+    of a peak, rad.
+    """
 
-    def force(self, e: NDArray) -> NDArray:
-        """Force on the rotor, N; shape of e."""
-        return self.stiffness * e
+    order: int
+    size: float
+    angle: float = 0.0
 
-    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]:
-        """Force, N, and its derivative k I, N/m."""
-        identity = np.eye(2).reshape(2, 2, *(1,) * (e.ndim - 1))
-        return self.stiffness * e, self.stiffness * np.broadcast_to(identity, (2, *e.shape))
 
-    def potential(self, e: NDArray) -> NDArray:
-        """V = −k |e|²/2, J."""
-        return -0.5 * self.stiffness * (e * e).sum(axis=0)
+def outline(bulges: tuple[Bulge, ...], angle: NDArray) -> NDArray:
+    """By how much the radius is larger at gap angles (any shape), m."""
+    return sum((b.size * np.cos(b.order * (angle - b.angle)) for b in bulges),
+               np.zeros(np.shape(angle)))
+
+
+@dataclass(frozen=True)
+class Wave:
+    """One wave of magnetomotive force: share · cos(order · φ − ratio · Ωt − angle).
+
+    order: number of its pole pairs around the gap. share: of the reference wave, whose field is B0
+    (rms). ratio: electrical over mechanical angle; a wave fixed to the rotor has ratio = order, one
+    that stands still 0, and one that turns backward a negative ratio. angle: rad.
+    """
+
+    order: int
+    share: float = 1.0
+    ratio: float = 1.0
+    angle: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class ShapedPull:
-    r"""Pull in a gap of any shape, by quadrature of Eqs. (7) and (8).
+class ShapedPull(ForceLaw):
+    r"""Pull of any field in a gap of any shape, by quadrature of Eqs. (7) and (8).
 
-    F = (k g0³ / 2π) ∮ (sin φ, cos φ) / g² dφ with g(φ) = shape(φ) − e_x sin φ − e_z cos φ.
-    The integrand is periodic, so the trapezoidal rule converges exponentially.
+    F = (k g0³ / 2π) ∮ 2 f² (sin φ, cos φ) / g² dφ with the gap and the magnetomotive force
 
-    stiffness, gap: k (N/m) and g0 (m) of the nominal circular gap. shape: gap at the N equally
-    spaced angles φ_n = 2πn/N when the rotor is centred, m; shape (N,).
+    g(φ, t) = shape(φ) − Σ δ cos n(φ − Ωt − β) − e_x sin φ − e_z cos φ   (the rotor's bulges turn),
+    f(φ, t) = Σ share cos(order φ − ratio Ωt − angle),
+
+    and 2 f² = 1 for a constant field. A lone wave of share 1 is the field whose rms is B0, so its
+    mean pull is that of `CircularPull`. Pennacchi and Frosini (2005) take the rotor's and the
+    stator's wave with the load angle between them; their parameters could not be read. The
+    integrand is periodic, so the trapezoidal rule converges exponentially.
+
+    stiffness, gap: k (N/m) and g0 (m) of the nominal circular gap and the reference wave. shape:
+    the gap at the N equally spaced angles φ_n = 2πn/N when a round rotor is centred, m; shape (N,).
+    rotor: the `Bulge`s of the rotor at phase 0. waves: `Wave`s, none for a constant field.
     """
 
     stiffness: float
     gap: float
     shape: NDArray
-    moving = False
+    rotor: tuple[Bulge, ...] = ()
+    waves: tuple[Wave, ...] = ()
 
-    def _local_gap(self, e: NDArray) -> tuple[NDArray, NDArray]:
-        """Directions (2, N) and the gap along them, m, (…, N); below zero the rotor is in the
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "moving", bool(self.rotor or self.waves))
+
+    @property
+    def angles(self) -> NDArray:
+        """The gap angles of the quadrature, rad, (N,)."""
+        return 2 * np.pi * np.arange(len(self.shape)) / len(self.shape)
+
+    def local_gap(self, u: NDArray, phase: NDArray | float = 0.0) -> NDArray:
+        """Gap at the N angles, m, (…, N); below zero the rotor is in the stator."""
+        angle = self.angles
+        gap = self.shape - np.tensordot(u, [np.sin(angle), np.cos(angle)], axes=(0, 0))
+        turned = np.asarray(phase)[..., None]
+        return gap - outline(self.rotor, angle - turned) if self.rotor else gap
+
+    def field(self, angle: NDArray, phase: NDArray | float) -> NDArray:
+        """f at gap angles (N,) and phases (…), over the reference wave's peak: (…, N)."""
+        turned = np.asarray(phase)[..., None]
+        return sum(w.share * np.cos(w.order * angle - w.ratio * turned - w.angle)
+                   for w in self.waves)
+
+    def _stress(self, u: NDArray, phase: NDArray | float) -> tuple[NDArray, NDArray, NDArray]:
+        """Directions (2, N), share of each angle in the force, N, and gap, m, both (…, N)."""
+        angle, gap = self.angles, self.local_gap(u, phase)
+        gap = np.where(gap > 0, gap, np.nan)
+        stress = self.stiffness * self.gap**3 / len(angle) / (gap * gap)
+        if self.waves:
+            stress = 2 * self.field(angle, phase) ** 2 * stress
+        return np.stack([np.sin(angle), np.cos(angle)]), stress, gap
+
+    def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+              speed: float = 0.0) -> NDArray:
+        """Force on the rotor, N; shape of u. Meaningless (nan) where the rotor is in the stator."""
+        direction, stress, _ = self._stress(u, phase)
+        return np.tensordot(direction, stress, axes=(1, -1))
+
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
+        """Force, N, and its derivative, N/m: one more power of the gap under the integral."""
+        direction, stress, gap = self._stress(u, phase)
+        slope = np.tensordot(direction[:, None] * direction, 2 * stress / gap, axes=(2, -1))
+        return np.tensordot(direction, stress, axes=(1, -1)), slope, None
+
+    def potential(self, u: NDArray, phase: NDArray | float = 0.0) -> NDArray:
+        """V, J, with F = −∂V/∂e at a fixed phase; shape of u without its first axis."""
+        _, stress, gap = self._stress(u, phase)
+        return -(stress * gap).sum(axis=-1)
+
+    def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
+        """Smallest gap over the N angles, m, and its angle, rad."""
+        gap = self.local_gap(u, phase)
+        return gap.min(axis=-1), 2 * np.pi * gap.argmin(axis=-1) / len(self.shape)
+
+
+POINTS = {False: 128, True: 256}  # around the gap, by whether it has a shape, before waves' orders
+
+
+def shaped_law(stiffness: float, gap: float, stator: tuple[Bulge, ...] = (),
+               rotor: tuple[Bulge, ...] = (), waves: tuple[Wave, ...] = ()) -> ShapedPull:
+    """The pull between two shapes in a field of waves, none for a constant field.
+
+    stiffness, gap: k (N/m) and g0 (m) of the nominal circular gap. The points of the quadrature
+    grow with the orders of the waves; at 90 % of a round gap 128 leave an error of 1e-26.
+    """
+    points = (POINTS[bool(stator or rotor) or not waves]
+              + 4 * max((wave.order for wave in waves), default=0))
+    around = 2 * np.pi * np.arange(points) / points
+    return ShapedPull(stiffness, gap, gap + outline(stator, around), rotor, waves)
+
+
+# Gauss points over the height: the pull is smooth in s, so the error falls exponentially with them
+HEIGHTS = 12
+
+
+@dataclass(frozen=True)
+class TiltedPull(ForceLaw):
+    """The pull of a rotor that tilts: each height of the rim has its own eccentricity.
+
+    A rim of height h whose centre lies at e and whose axis leans by the slopes t = (∂x/∂y, ∂z/∂y)
+    has, at the height s below its centre, the eccentricity e + s t. Its pull and the moment that
+    goes with the slopes are
+
+    F = (1/h) ∫ f(e + s t) ds, N = (1/h) ∫ s f(e + s t) ds, s from −h/2 to h/2,
+
+    with f the pull of the whole rim if it did not lean. For small motion N = k (h²/12) t: the tilt
+    pull, which Gustavsson and Aidanpää (2006) give a rim with its hub off the middle, and which a
+    model without tilt leaves out.
+
+    upright: the pull f, on (x, z). height: h, m. Coordinates: eccentricity of the rim's middle, m,
+    and slopes, rad; the force has the same four rows, N and N m.
+    """
+
+    coordinates = 4
+    upright: ForceLaw
+    height: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "moving", self.upright.moving)
+        object.__setattr__(self, "gap", self.upright.gap)
+
+    def _slices(self, u: NDArray, phase: NDArray | float
+                ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Heights s (m), weights that sum to 1, the eccentricity there, (2, …, points), phase."""
+        s, weight = np.polynomial.legendre.leggauss(HEIGHTS)
+        s = self.height / 2 * s
+        return (s, weight / 2, u[:2, ..., None] + u[2:, ..., None] * s,
+                np.asarray(phase)[..., None])
+
+    def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+              speed: float = 0.0) -> NDArray:
+        """Force, N, and the moment that works on the slopes, N m; nan where an end is in the
         stator.
         """
-        angle = 2 * np.pi * np.arange(len(self.shape)) / len(self.shape)
-        direction = np.stack([np.sin(angle), np.cos(angle)])
-        return direction, self.shape - np.tensordot(e, direction, axes=(0, 0))
+        s, weight, e, phase = self._slices(u, phase)
+        pull = self.upright.force(e, None, phase, speed)
+        return np.concatenate([pull @ weight, pull @ (s * weight)])
 
-    def _quadrature(self, e: NDArray) -> tuple[NDArray, NDArray, float]:
-        """Directions, gap (nan where the rotor is in the stator) and the weight k g0³/N of each
-        angle.
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
+        """Force and its derivative, (4, 4, …)."""
+        s, weight, e, phase = self._slices(u, phase)
+        pull, slope, _ = self.upright.linearise(e, None, phase, speed)
+        direct, mixed, tilt = slope @ weight, slope @ (s * weight), slope @ (s * s * weight)
+        return (np.concatenate([pull @ weight, pull @ (s * weight)]),
+                np.concatenate([np.concatenate([direct, mixed], axis=1),
+                                np.concatenate([mixed, tilt], axis=1)]), None)
+
+    def potential(self, u: NDArray) -> NDArray:
+        """V, J, with force = −∂V/∂u, where the upright pull has one."""
+        _, weight, e, _ = self._slices(u, 0.0)
+        return self.upright.potential(e) @ weight  # type: ignore[attr-defined]
+
+    def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
+        """Smallest gap, m, and its angle, rad, at the top or the bottom of the rim: no other height
+        comes nearer to the stator. Where u is (x, z) alone the rotor is taken as upright.
         """
-        direction, gap = self._local_gap(e)
-        return direction, np.where(gap > 0, gap,
-                                   np.nan), self.stiffness * self.gap**3 / len(self.shape)
+        lean = u[2:4, ..., None] if len(u) > 2 else 0 * u[..., None]
+        ends = u[:2, ..., None] + lean * (self.height / 2 * np.array([-1.0, 1.0]))
+        gap, angle = self.upright.narrowest(ends, np.asarray(phase)[..., None])
+        nearest = gap.argmin(axis=-1)[..., None]
+        return gap.min(axis=-1), np.take_along_axis(angle, nearest, axis=-1)[..., 0]
 
-    def force(self, e: NDArray) -> NDArray:
-        """Force on the rotor, N; shape of e. Meaningless (nan) where the rotor is in the stator."""
-        direction, gap, weight = self._quadrature(e)
-        return weight * np.einsum("in,...n->i...", direction, gap**-2.0)
-
-    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]:
-        """Force, N, and its derivative, N/m: one more power of the gap under the integral."""
-        direction, gap, weight = self._quadrature(e)
-        derivative = 2 * weight * np.einsum("in,jn,...n->ij...", direction, direction, gap**-3.0)
-        return weight * np.einsum("in,...n->i...", direction, gap**-2.0), derivative
-
-    def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap over the N angles, m."""
-        return self._local_gap(e)[1].min(axis=-1)
-
-    def gap_angle(self, e: NDArray) -> NDArray:
-        """Angle at which the gap is smallest, rad, from z towards x."""
-        return 2 * np.pi * self._local_gap(e)[1].argmin(axis=-1) / len(self.shape)
-
-    def scaled(self, factor: float) -> ShapedPull:
+    def scaled(self, factor: float) -> TiltedPull:
         """The same law, `factor` times as strong."""
-        return replace(self, stiffness=factor * self.stiffness)
+        return replace(self, upright=self.upright.scaled(factor))
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A law on some of a model's nonlinear coordinates."""
+
+    law: ForceLaw
+    rows: slice
+
+
+@dataclass(frozen=True)
+class SeveralLaws(ForceLaw):
+    """Laws side by side. The first is the pull in the air gap; its coordinates begin with (x, z) of
+    the generator. Laws on the same coordinates add up.
+    """
+
+    parts: tuple[Placed, ...]
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "moving", any(part.law.moving for part in self.parts))
+        put(self, "coordinates", max(part.rows.stop for part in self.parts))
+        put(self, "gap", self.parts[0].law.gap)
+
+    def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+              speed: float = 0.0) -> NDArray:
+        """Forces on all coordinates, N; shape of u."""
+        out = np.zeros_like(u)
+        for part in self.parts:
+            rate = None if velocity is None else velocity[part.rows]
+            out[part.rows] += part.law.force(u[part.rows], rate, phase, speed)
+        return out
+
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
+        """Forces, N, with their derivatives by position, N/m, and by velocity, N s/m, (c, c, …)."""
+        out, slope, damping = np.zeros_like(u), np.zeros((len(u), *u.shape)), None
+        for part in self.parts:
+            rate = None if velocity is None else velocity[part.rows]
+            force, by_place, by_rate = part.law.linearise(u[part.rows], rate, phase, speed)
+            out[part.rows] += force
+            slope[part.rows, part.rows] += by_place
+            if by_rate is not None:
+                damping = np.zeros_like(slope) if damping is None else damping
+                damping[part.rows, part.rows] += by_rate
+        return out, slope, damping
+
+    def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
+        """Smallest gap, m, and its angle, rad, by the first law; u: all coordinates, or (x, z)
+        alone.
+        """
+        return self.parts[0].law.narrowest(u[self.parts[0].rows], phase)
+
+    def scaled(self, factor: float) -> SeveralLaws:
+        """The same laws, the magnetic ones `factor` times as strong."""
+        return SeveralLaws(tuple(replace(p, law=p.law.scaled(factor)) for p in self.parts))
 
 
 def closed_form():
@@ -230,298 +451,3 @@ def closed_form():
     rest = 2 * (z**2 + 1) / (eps**2 * (z - outside) ** 2)
     residue = sp.diff(rest, z).subs(z, inside)
     return sp.simplify(2 * sp.pi * residue), 2 * sp.pi * eps / (1 - eps**2) ** sp.Rational(3, 2)
-
-
-def force_at(law: ForceLaw, e: NDArray, velocity: NDArray, phase: NDArray | float,
-             speed: float) -> NDArray:
-    """Force of any law, N, shape of e: one that does not move is not asked about velocity and
-    phase.
-    """
-    return law.force_at(e, velocity, phase, speed) if law.moving else law.force(e)
-
-
-def linearise_at(law: ForceLaw, e: NDArray, velocity: NDArray, phase: NDArray | float,
-                 speed: float) -> tuple[NDArray, NDArray, NDArray]:
-    """Force of any law, N, with ∂F_i/∂e_j, N/m, and ∂F_i/∂ė_j, N s/m, (c, c, …)."""
-    if law.moving:
-        return law.linearise_at(e, velocity, phase, speed)
-    force, slope = law.linearise(e)
-    return force, slope, np.zeros_like(slope)
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A law on some of a model's nonlinear coordinates. magnetic: whether its force grows with the
-    square of the field.
-    """
-
-    law: ForceLaw
-    rows: slice
-    magnetic: bool = False
-
-
-@dataclass(frozen=True)
-class SeveralLaws:
-    """Laws side by side. The first is the pull in the air gap; its coordinates begin with (x, z) of
-    the generator.
-    """
-
-    parts: tuple[Placed, ...]
-
-    @property
-    def moving(self) -> bool:
-        """Whether one of them depends on velocity or phase."""
-        return any(part.law.moving for part in self.parts)
-
-    def force(self, e: NDArray) -> NDArray:
-        """Forces on all coordinates, N, shape of e, where no law moves."""
-        out = np.zeros_like(e)
-        for part in self.parts:
-            out[part.rows] += part.law.force(e[part.rows])
-        return out
-
-    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]:
-        """Forces, N, and their derivative, N/m, (c, c, …), where no law moves."""
-        out, slope = np.zeros_like(e), np.zeros((len(e), *e.shape))
-        for part in self.parts:
-            force, own = part.law.linearise(e[part.rows])
-            out[part.rows] += force
-            slope[part.rows, part.rows] += own
-        return out, slope
-
-    def force_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
-                 speed: float) -> NDArray:
-        """Forces on all coordinates, N, shape of e."""
-        out = np.zeros_like(e)
-        for part in self.parts:
-            out[part.rows] += force_at(part.law, e[part.rows], velocity[part.rows], phase, speed)
-        return out
-
-    def linearise_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
-                     speed: float) -> tuple[NDArray, NDArray, NDArray]:
-        """Forces, N, with their derivatives by position, N/m, and by velocity, N s/m, (c, c, …)."""
-        out, slope, damping = np.zeros_like(e), np.zeros((len(e), *e.shape)), np.zeros((len(e),
-                                                                                        *e.shape))
-        for part in self.parts:
-            force, *own = linearise_at(part.law, e[part.rows], velocity[part.rows], phase, speed)
-            out[part.rows] += force
-            slope[part.rows, part.rows] += own[0]
-            damping[part.rows, part.rows] += own[1]
-        return out, slope, damping
-
-    def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap, m, by the first law; e: all coordinates, or (x, z) of the rotor centre
-        alone.
-        """
-        return self.parts[0].law.smallest_gap(e[self.parts[0].rows])
-
-    def gap_angle(self, e: NDArray) -> NDArray:
-        """Gap angle of the smallest gap, rad, by the first law."""
-        return self.parts[0].law.gap_angle(e[self.parts[0].rows])
-
-    def scaled(self, factor: float) -> SeveralLaws:
-        """The same laws, the magnetic ones `factor` times as strong."""
-        return replace(self, parts=tuple(replace(p, law=p.law.scaled(factor)) if p.magnetic else p
-                                         for p in self.parts))
-
-
-@dataclass(frozen=True)
-class TangentialPull:
-    """F = k_t J e on the eccentricity (x, z). stiffness: k_t, N/m. gap: g0, m."""
-
-    moving: ClassVar[bool] = False
-    stiffness: float
-    gap: float
-
-    def force(self, e: NDArray) -> NDArray:
-        """Force on the rotor, N; shape of e."""
-        return self.stiffness * np.stack([e[1], -e[0]])
-
-    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]:
-        """Force, N, and its derivative k_t J, N/m."""
-        turn = np.array([[0.0, 1.0], [-1.0, 0.0]]).reshape(2, 2, *(1,) * (e.ndim - 1))
-        return self.force(e), self.stiffness * np.broadcast_to(turn, (2, *e.shape))
-
-    def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap around the circumference, m."""
-        return self.gap - np.hypot(e[0], e[1])
-
-    def gap_angle(self, e: NDArray) -> NDArray:
-        """Angle at which the gap is smallest, rad, from z towards x."""
-        return np.arctan2(e[0], e[1])
-
-    def scaled(self, factor: float) -> TangentialPull:
-        """The same law, `factor` times as strong."""
-        return replace(self, stiffness=factor * self.stiffness)
-
-
-def tangential_limit(mass: float, damping: float, stiffness: float, pull: float) -> float:
-    """Largest |k_t|, N/m, of a stable Jeffcott rotor: c √((k − k_r)/m).
-
-    mass: kg. damping: c, N s/m. stiffness: k of the spring, N/m. pull: k_r, N/m, less than k, or
-    nan comes back.
-    """
-    return damping * math.sqrt((stiffness - pull) / mass) if pull < stiffness else math.nan
-
-
-# Gauss points over the height: the pull is smooth in s, so the error falls exponentially with them
-POINTS = 12
-
-
-@dataclass(frozen=True)
-class TiltedPull:
-    """The pull on four coordinates: eccentricity (x, z) of the rim's middle, m, and slopes (∂x/∂y,
-    ∂z/∂y), rad.
-
-    upright: the pull without tilt, a positional law on (x, z). height: h, m. The force has the same
-    four rows: N, N m.
-    """
-
-    moving: ClassVar[bool] = False
-    upright: ForceLaw
-    height: float
-
-    def _slices(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Heights s (m) with weights that sum to 1, and the eccentricity there, (2, …, points)."""
-        s, weight = np.polynomial.legendre.leggauss(POINTS)
-        s = self.height / 2 * s
-        return s, weight / 2, u[:2, ..., None] + u[2:, ..., None] * s
-
-    def force(self, u: NDArray) -> NDArray:
-        """Force, N, and the moment that works on the slopes, N m; shape of u. nan where an end is
-        in the stator.
-        """
-        s, weight, e = self._slices(u)
-        pull = self.upright.force(e)
-        return np.concatenate([pull @ weight, pull @ (s * weight)])
-
-    def linearise(self, u: NDArray) -> tuple[NDArray, NDArray]:
-        """Force and its derivative, (4, 4, …)."""
-        s, weight, e = self._slices(u)
-        pull, slope = self.upright.linearise(e)
-        direct, mixed, tilt = slope @ weight, slope @ (s * weight), slope @ (s * s * weight)
-        return (np.concatenate([pull @ weight, pull @ (s * weight)]),
-                np.concatenate([np.concatenate([direct, mixed], axis=1),
-                                np.concatenate([mixed, tilt], axis=1)]))
-
-    def potential(self, u: NDArray) -> NDArray:
-        """V, J, with force = −∂V/∂u, where the upright pull has one; shape of u without its first
-        axis.
-        """
-        _, weight, e = self._slices(u)
-        return self.upright.potential(e) @ weight
-
-    def _ends(self, u: NDArray) -> NDArray:
-        """Eccentricity of the top and the bottom of the rim, (2, …, 2); no other height comes
-        nearer to the stator.
-
-        Where u is (x, z) alone the rotor is taken as upright.
-        """
-        lean = u[2:, ..., None] if len(u) > 2 else 0 * u[..., None]
-        return u[:2, ..., None] + lean * (self.height / 2 * np.array([-1.0, 1.0]))
-
-    def smallest_gap(self, u: NDArray) -> NDArray:
-        """Smallest air gap around the circumference and over the height, m."""
-        return self.upright.smallest_gap(self._ends(u)).min(axis=-1)
-
-    def gap_angle(self, u: NDArray) -> NDArray:
-        """Angle at which the gap is smallest, rad, from z towards x."""
-        ends = self._ends(u)
-        nearest = self.upright.smallest_gap(ends).argmin(axis=-1)[..., None]
-        return np.take_along_axis(self.upright.gap_angle(ends), nearest, axis=-1)[..., 0]
-
-    def scaled(self, factor: float) -> TiltedPull:
-        """The same law, `factor` times as strong."""
-        return replace(self, upright=self.upright.scaled(factor))
-
-
-LEAST = 128  # points around the gap: at 90 % of the gap ρ¹²⁸ is 1e-26
-
-
-@dataclass(frozen=True)
-class Wave:
-    """One wave of magnetomotive force: share · cos(order · φ − ratio · Ωt − angle).
-
-    order: number of its pole pairs around the gap. share: of the reference wave, whose field is B0
-    (rms). ratio: electrical over mechanical angle; a wave fixed to the rotor has ratio = order, one
-    that stands still 0, and one that turns backward a negative ratio. angle: rad.
-    """
-
-    order: int
-    share: float = 1.0
-    ratio: float = 1.0
-    angle: float = 0.0
-
-
-def loaded(pole_pairs: int, stator_share: float, load_angle: float, ratio: float,
-           start: float = 0.0) -> tuple[Wave, Wave]:
-    """The rotor's wave and the stator's, which is `load_angle` (electrical, rad) behind it."""
-    return (Wave(pole_pairs, 1.0, ratio, start),
-            Wave(pole_pairs, stator_share, ratio, start - load_angle))
-
-
-@dataclass(frozen=True)
-class FieldWave:
-    """The pull of a sum of waves in a circular gap, by the trapezoidal rule, which converges
-    exponentially.
-
-    stiffness: k = π B0² u0 l0/(µ0 g0), N/m, of the reference wave. gap: g0, m. waves: `Wave`, at
-    least one.
-    """
-
-    moving: ClassVar[bool] = True
-    stiffness: float
-    gap: float
-    waves: tuple[Wave, ...]
-
-    @property
-    def points(self) -> int:
-        """Points of the quadrature: more for waves of a high order."""
-        return LEAST + 4 * max(wave.order for wave in self.waves)
-
-    def field(self, angle: NDArray, phase: NDArray | float) -> NDArray:
-        """f at gap angles (N,) and phases (…): (…, N)."""
-        phase = np.asarray(phase)[..., None]
-        return sum(w.share * np.cos(w.order * angle - w.ratio * phase - w.angle)
-                   for w in self.waves)
-
-    def force_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
-                 speed: float) -> NDArray:
-        """Force on the rotor, N, shape of e; velocity and speed do not matter. nan where the rotor
-        is in the stator.
-        """
-        direction, weight, gap = self._around(e, phase)
-        return np.einsum("in,...n->i...", direction, weight / gap**2)
-
-    def linearise_at(self, e: NDArray, velocity: NDArray, phase: NDArray | float,
-                     speed: float) -> tuple[NDArray, NDArray, NDArray]:
-        """Force, N, with its derivatives by position, N/m, and by velocity, which are zero."""
-        direction, weight, gap = self._around(e, phase)
-        stress = weight / gap**2
-        slope = np.einsum("in,jn,...n->ij...", direction, direction, 2 * stress / gap)
-        return np.einsum("in,...n->i...", direction, stress), slope, np.zeros_like(slope)
-
-    def potential(self, e: NDArray, phase: NDArray | float) -> NDArray:
-        """V, J, with F = −∂V/∂e at a fixed phase."""
-        _, weight, gap = self._around(e, phase)
-        return -(weight / gap).sum(axis=-1)
-
-    def _around(self, e: NDArray, phase: NDArray | float) -> tuple[NDArray, NDArray, NDArray]:
-        """Directions (2, N), weights 2 f² k g0³/N (…, N), and the gap (…, N), nan below zero."""
-        angle = 2 * np.pi * np.arange(self.points) / self.points
-        direction = np.stack([np.sin(angle), np.cos(angle)])
-        gap = self.gap - np.tensordot(e, direction, axes=(0, 0))
-        weight = 2 * self.stiffness * self.gap**3 / self.points * self.field(angle, phase) ** 2
-        return direction, weight, np.where(gap > 0, gap, np.nan)
-
-    def smallest_gap(self, e: NDArray) -> NDArray:
-        """Smallest air gap around the circumference, m."""
-        return self.gap - np.hypot(e[0], e[1])
-
-    def gap_angle(self, e: NDArray) -> NDArray:
-        """Angle at which the gap is smallest, rad, from z towards x."""
-        return np.arctan2(e[0], e[1])
-
-    def scaled(self, factor: float) -> FieldWave:
-        """The same law, `factor` times as strong."""
-        return replace(self, stiffness=factor * self.stiffness)

@@ -234,10 +234,10 @@ def test_it_does_not_step_over_a_value_just_below_a_fold(peer, speed):
 class EndsEarly(CircularPull):
     """The pull, known only up to 30 % of the gap."""
 
-    def linearise(self, e):
-        force, slope = super().linearise(e)
+    def linearise(self, e, *rest):
+        force, slope, _ = super().linearise(e)
         known = np.where(np.hypot(*e) < 0.3 * self.gap, 1.0, np.nan)
-        return known * force, known * slope
+        return known * force, known * slope, None
 
 
 @pytest.mark.parametrize(("to", "options", "words"), [

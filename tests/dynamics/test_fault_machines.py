@@ -76,8 +76,8 @@ def test_multipliers_of_a_film_are_those_of_its_linear_equations_in_time():
         sine, cosine = np.sin(turn * t), np.cos(turn * t)
         u = orbit.local[:, 0] + orbit.local[:, 1::2] @ sine + orbit.local[:, 2::2] @ cosine
         v = orbit.local[:, 1::2] @ (turn * cosine) - orbit.local[:, 2::2] @ (turn * sine)
-        _, slope, damping = small.law.linearise_at(small.relative(u, orbit.centre), v, SPEED * t,
-                                                   SPEED)
+        _, slope, damping = small.law.linearise(small.relative(u, orbit.centre), v, SPEED * t,
+                                                SPEED)
         S = small.selection
         force = S.T @ (slope @ S @ s[:r] + damping @ S
                        @ s[r:]) - small.K @ s[:r] - small.velocity_matrix(SPEED) @ s[r:]

@@ -62,7 +62,7 @@ def test_static_and_double_frequency_forces_of_two_poles():
     """
     law, e = jeffcott(Poles(1)).law, 1e-3 * AIR.gap * np.array([0.6, 0.8])
     phases = 2 * np.pi * np.arange(64) / 64
-    force = law.force_at(e[:, None] * np.ones(64), np.zeros((2, 64)), phases, SPEED)
+    force = law.force(e[:, None] * np.ones(64), np.zeros((2, 64)), phases, SPEED)
     spectrum = np.fft.fft(force[1] + 1j * force[0]) / 64
     zeta = complex(e[1], e[0])
     assert spectrum[0] == pytest.approx(AIR.pull_stiffness * zeta, rel=1e-5)

@@ -333,8 +333,8 @@ def test_without_a_gap_a_motion_may_grow_beyond_all_numbers(oscillator):
 def test_newmark_says_when_a_step_is_too_long(peer, speed):
     """A law whose force jumps has no position that solves the step."""
     class Jump(CircularPull):
-        def linearise(self, e):
-            return 1e9 * np.where(e[0] > 0, -1.0, 1.0) * np.array([1.0, 0.0]), np.zeros((2, 2))
+        def linearise(self, e, *rest):
+            return 1e9 * np.where(e[0] > 0, -1.0, 1.0) * np.array([1.0, 0.0]), np.zeros((2, 2)), None
     run = integrate(replace(peer, law=Jump(1.0, peer.gap)), Newmark(16), speed=speed, revolutions=1)
     assert not run.finished
     assert "Use more steps" in run.stopped

@@ -98,7 +98,7 @@ def test_phases_out_of_balance_against_hill():
     speed = 226.0
 
     def rate(t, s):
-        slope = model.law.linearise_at(np.zeros(2), np.zeros(2), speed * t, speed)[1]
+        slope = model.law.linearise(np.zeros(2), np.zeros(2), speed * t, speed)[1]
         q, v = s.reshape(4, 4)[:2], s.reshape(4, 4)[2:]
         return np.vstack([v, ((slope - STIFFNESS * np.eye(2)) @ q - damping * v) / MASS]).ravel()
 

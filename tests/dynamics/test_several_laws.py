@@ -9,12 +9,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from hydrolab import BadInput, CentralDifference, HarmonicBalance, Newmark, RungeKutta, basins, floquet, follow, integrate
-from hydrolab.machine.pull import Placed, SeveralLaws
+from hydrolab.machine.pull import ForceLaw, Placed, SeveralLaws
 from tests.reference.full_balance import solve_full
 
 
 @dataclass(frozen=True)
-class Film:
+class Film(ForceLaw):
     """A cubic spring and a damper that grows with the square of the displacement, stirred at a
     multiple of the rotation.
     """
@@ -23,12 +23,9 @@ class Film:
     damper: float
     stirring: float = 0.0
     order: float = 2.0
-    moving = True
+    moving, magnetic, gap = True, False, np.inf
 
-    def force_at(self, e, velocity, phase, speed):
-        return self.linearise_at(e, velocity, phase, speed)[0]
-
-    def linearise_at(self, e, velocity, phase, speed):
+    def linearise(self, e, velocity=None, phase=0.0, speed=0.0):
         square = (e * e).sum(axis=0)
         one = np.eye(2).reshape(2, 2, *(1,) * (e.ndim - 1))
         stir = self.stirring * np.cos(self.order * phase + 0 * square)
@@ -43,7 +40,7 @@ class Film:
 def with_film(model, node, film):
     """The model with a film at a shaft node beside its pull."""
     rows = np.eye(model.size)[4 * node:4 * node + 2]
-    laws = SeveralLaws((Placed(model.law, slice(0, 2), magnetic=True), Placed(film, slice(2, 4))))
+    laws = SeveralLaws((Placed(model.law, slice(0, 2)), Placed(film, slice(2, 4))))
     return replace(model, selection=np.vstack([model.selection, rows]), law=laws)
 
 
@@ -117,7 +114,7 @@ def test_multipliers(machine, speed):
         u = orbit.local[:, 0] + orbit.local[:, 1::2] @ sine + orbit.local[:, 2::2] @ cosine
         v = orbit.local[:, 1::2] @ (turn * cosine) - orbit.local[:, 2::2] @ (turn * sine)
         u[:2] -= orbit.centre
-        _, slope, damping = model.law.linearise_at(u, v, speed * t, speed)
+        _, slope, damping = model.law.linearise(u, v, speed * t, speed)
         S = model.selection
         force = S.T @ (slope @ S @ s[:r] + damping @ S
                        @ s[r:]) - model.K @ s[:r] - model.velocity_matrix(speed) @ s[r:]
@@ -157,9 +154,9 @@ def test_slopes_of_paths(machine, speed, parameter):
 def test_only_the_pull_goes_with_the_field(machine):
     e, v = np.full((4, 3), 1e-4), np.full((4, 3), 1e-3)
     dark = machine.with_field(0).law
-    assert np.abs(dark.force_at(e, v, 0.0, 10.0)[:2]).max() == 0
-    assert np.array_equal(dark.force_at(e, v, 0.0, 10.0)[2:],
-                          machine.law.force_at(e, v, 0.0, 10.0)[2:])
+    assert np.abs(dark.force(e, v, 0.0, 10.0)[:2]).max() == 0
+    assert np.array_equal(dark.force(e, v, 0.0, 10.0)[2:],
+                          machine.law.force(e, v, 0.0, 10.0)[2:])
 
 
 def test_many_motions_at_once_are_refused(machine, speed):

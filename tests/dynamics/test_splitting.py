@@ -214,7 +214,7 @@ class Impatient(CircularPull):
 
     left = 0
 
-    def force(self, e):
+    def force(self, e, *rest):
         Impatient.left -= 1
         if Impatient.left < 0:
             raise KeyboardInterrupt

@@ -36,7 +36,7 @@ def by_dop853(orbit, rtol=1e-10):
 
     def rate(t, s):
         q, v = s.reshape(2, n, 2 * n)
-        _, slope = model.law.linearise(orbit.positions(np.array([orbit.speed * t]))
+        _, slope, _ = model.law.linearise(orbit.positions(np.array([orbit.speed * t]))
                                        - orbit.centre[:, None])
         pull = model.selection.T @ slope[:, :, 0] @ model.selection
         return np.concatenate([v, inverse @ ((pull - model.K) @ q - D @ v)]).ravel()
@@ -94,14 +94,14 @@ class CubicPull(CircularPull):
     k_m = 2a r².
     """
 
-    def force(self, e):
+    def force(self, e, *rest):
         return self.stiffness * (e * e).sum(axis=0) * e
 
-    def linearise(self, e):
+    def linearise(self, e, *rest):
         slope = 2 * self.stiffness * e[:, None] * e
         slope[0, 0] += self.stiffness * (e * e).sum(axis=0)
         slope[1, 1] += self.stiffness * (e * e).sum(axis=0)
-        return self.force(e), slope
+        return self.force(e), slope, None
 
 
 @pytest.mark.parametrize("damping", [0.0, 2e4])

@@ -47,7 +47,7 @@ def test_every_law_has_a_card_key_and_its_own_coordinates(tmp_path):
     assert "guide pads.clearance" in str(unit) and "0.2 m" not in str(unit)
     model = unit.model()
     assert isinstance(model.law, SeveralLaws) and isinstance(model.law.parts[0].law, TiltedPull)
-    assert [(p.rows.start, p.rows.stop, p.magnetic) for p in model.law.parts] == [
+    assert [(p.rows.start, p.rows.stop, p.law.magnetic) for p in model.law.parts] == [
         (0, 4, True), (4, 6, False), (6, 8, False), (8, 10, False)]
     moved = np.arange(model.size) / 7
     x, z, tilt_x, tilt_z = moved[0::4], moved[1::4], -moved[3::4], moved[2::4]
@@ -140,6 +140,6 @@ def test_what_needs_a_shaft_says_so():
 def test_the_reference_of_a_film_is_five_times_its_cross_stiffness():
     film = JournalFilm("film", 1, 0.03, 0.4, 0.25, 2e-4).law(15.7)
     assert film.damping == pytest.approx(0.03 * 0.4 * 0.25**3 / 2e-4**3)
-    _, place, _ = replace(film, reference=0.0).linearise_at(np.zeros(2), np.array([1e-9, 0.0]),
+    _, place, _ = replace(film, reference=0.0).linearise(np.zeros(2), np.array([1e-9, 0.0]),
                                                             0.0, 15.7)
     assert place[0, 1] == pytest.approx(film.reference / 5, rel=1e-4)

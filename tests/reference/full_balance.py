@@ -60,12 +60,11 @@ def solve_full(model: Model, speed: float, static_eccentricity: float = 0.0, har
         for _ in range(30):
             X = Y.reshape(columns, n).T
             place, rate = S @ X @ into_time - centre, S @ X @ into_rate
-            pull, slope, damping = law.linearise_at(place, rate, phase,
-                                                    speed) if law.moving else (*law.linearise(place), 0)
+            pull, slope, damping = law.linearise(place, rate, phase, speed)
             H = constant @ Y - ((unbalance + S.T @ pull) @ into_coefficients).T.ravel()
             # ∂Z_k/∂Y_l = Sᵀ [Σ_t into_coefficients(t, k) ∂F/∂u(t) into_time(l, t)] S
             between = np.einsum("tk,ijt,lt->kilj", into_coefficients, slope, into_time)
-            if law.moving:
+            if damping is not None:
                 between += np.einsum("tk,ijt,lt->kilj", into_coefficients, damping, into_rate)
             J = constant - np.einsum("ia,kilj,jb->kalb", S, between, S).reshape(n * columns,
                                                                                 n * columns)

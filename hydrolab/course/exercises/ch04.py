@@ -12,25 +12,25 @@ from hydrolab import HarmonicBalance, load_machine
 from hydrolab.course.answers import Exercise, Mistake
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.machine.model import Model
-from hydrolab.machine.pull import CircularPull
+from hydrolab.machine.pull import ForceLaw, Linear
 
 ECCENTRICITY = 0.07
 
 
 @dataclass(frozen=True)
-class CubicPull(CircularPull):
+class CubicPull(ForceLaw):
     """The pull to its cubic term: k e (1 + 3/2 ε²)."""
 
-    def force(self, e: NDArray) -> NDArray:
-        """Force on the rotor, N."""
-        return self.linearise(e)[0]
+    stiffness: float
+    gap: float
 
-    def linearise(self, e: NDArray) -> tuple[NDArray, NDArray]:
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
         """Force, N, and its derivative, N/m."""
-        square = (e * e).sum(axis=0) / self.gap**2
-        one = np.eye(2).reshape(2, 2, *(1,) * (e.ndim - 1))
-        slope = self.stiffness * ((1 + 1.5 * square) * one + 3 * e[:, None] * e / self.gap**2)
-        return self.stiffness * (1 + 1.5 * square) * e, slope
+        square = (u * u).sum(axis=0) / self.gap**2
+        one = np.eye(2).reshape(2, 2, *(1,) * (u.ndim - 1))
+        slope = self.stiffness * ((1 + 1.5 * square) * one + 3 * u[:, None] * u / self.gap**2)
+        return self.stiffness * (1 + 1.5 * square) * u, slope, None
 
 
 @cache
