@@ -25,7 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from hydrolab.errors import BadInput
-from hydrolab.explorers.widget import MIME as FLIPBOOK
+from hydrolab.explorers.flipbook import MIME as FLIPBOOK
 
 Notebook = dict[str, Any]
 Cell = dict[str, Any]

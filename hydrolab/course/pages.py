@@ -22,7 +22,7 @@ from typing import Any
 
 import hydrolab
 from hydrolab.course.notebooks import Cell, Notebook
-from hydrolab.explorers.widget import MIME as FLIPBOOK
+from hydrolab.explorers.flipbook import MIME as FLIPBOOK
 
 PACKAGES = ("machine", "dynamics", "show", "course")
 CODE = re.compile(r"(`[^`\n]*`)")

@@ -12,7 +12,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from hydrolab.explorers.eccentricity_view import EccentricityView
+from hydrolab.explorers.eccentricity import EccentricityView
 from hydrolab.figures.picture import Picture
 from hydrolab.machine.cards import load_machine
 

@@ -1,15 +1,14 @@
-"""Numbers for figures that move: one branch, leg by leg, ready to be asked for its orbit at any
-eccentricity.
-"""
+"""One branch, leg by leg, ready to be drawn and to be asked for its orbit at any eccentricity."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
@@ -17,15 +16,21 @@ from hydrolab.dynamics.branches import follow, orbits_at
 from hydrolab.dynamics.results import Branch, PeriodicOrbit
 from hydrolab.dynamics.stability import Floquet, branch_stability
 from hydrolab.errors import BadInput
+from hydrolab.figures.drawing import UM, nearest
 from hydrolab.figures.orbits import curve, stretches
-from hydrolab.figures.readings import verdicts
+from hydrolab.figures.readings import first_along, verdicts
+from hydrolab.figures.style import COLOURS, LINES
 from hydrolab.machine.parts import Machine
+
+STEP = 0.05  # % of eccentricity, between two stops of a slider
+# static eccentricity (points,) and local coefficients (points, c, 2m + 1) → what is drawn, (points,)
+Number = Callable[[NDArray, NDArray], NDArray]
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
     """A stretch of a branch between two folds (or an end): its least and greatest eccentricity, and
-    its first row.
+    its rows.
     """
 
     low: float
@@ -35,6 +40,15 @@ class Leg:
     def holds(self, eccentricity: float) -> bool:
         """Whether the leg passes this eccentricity."""
         return self.low <= eccentricity <= self.high
+
+    def stop(self, percentage: float) -> float:
+        """The slider's stop nearest to an eccentricity (%) that lies on the leg; the middle of a
+        leg too short for one.
+        """
+        first, last = math.ceil(100 * self.low / STEP), math.floor(100 * self.high / STEP)
+        if last < first:
+            return 50 * (self.low + self.high)
+        return STEP * min(max(round(percentage / STEP), first), last)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +69,11 @@ class Legs:
         legs = [Leg(float(min(ends[i:i + 2])), float(max(ends[i:i + 2])), slice(*rows[i:i + 2]))
                 for i in range(len(rows) - 1)]
         return tuple(legs[:-1] if len(folds) >= self.branch.method.max_folds else legs)
+
+    @property
+    def reach(self) -> float:
+        """The greatest eccentricity of any leg, fraction of the gap."""
+        return max(leg.high for leg in self.all)
 
     @cached_property
     def words(self) -> list[str]:
@@ -88,33 +107,35 @@ class Legs:
         return tuple(i for i, leg in enumerate(self.all)
                      if leg.holds(eccentricity) and self._verdict_at(eccentricity, i) == "stable")
 
-    def lines(self, number, per_branch: int = 240) -> dict[str, tuple[NDArray, NDArray]]:
-        """For each verdict, eccentricity (%) and `number` of the coefficients, with nan between
-        stretches.
-        """
+    def first(self, eccentricity: NDArray, local: NDArray) -> NDArray:
+        """1X along the eccentricity, µm 0-to-peak: a `Number`."""
+        return UM * first_along(self.branch, local)
+
+    def lines(self, number: Number, per_branch: int = 240) -> dict[str, tuple[NDArray, NDArray]]:
+        """For each verdict, eccentricity (%) and `number`, with nan between stretches."""
         smooth = curve(self.branch)
+        whole = smooth.at_points[-1] - smooth.at_points[0]
         pieces: dict[str, list] = {}
         for word, start, end in stretches(smooth, self.words):
-            share = (end - start) / (smooth.at_points[-1] - smooth.at_points[0])
-            eccentricity, coefficients = smooth(np.linspace(start, end,
-                                                            8 + round(per_branch * share)))
-            pieces.setdefault(word, []).append((100 * np.append(eccentricity, np.nan),
-                                                np.append(number(eccentricity, coefficients),
-                                                          np.nan)))
+            count = 8 + round(per_branch * (end - start) / whole)
+            eccentricity, local = smooth(np.linspace(start, end, count))
+            piece = 100 * eccentricity, number(eccentricity, local)
+            pieces.setdefault(word, []).append([np.append(part, np.nan) for part in piece])
         return {word: tuple(np.concatenate(column) for column in zip(*found, strict=True))
                 for word, found in pieces.items()}
 
-    def dense(self, number, per_leg: int = 300) -> tuple[NDArray, NDArray, NDArray]:
-        """Eccentricity (%), `number` of the coefficients and the leg (1 is the first), at many
-        points of all legs.
-        """
+    def dense(self, number: Number, per_leg: int = 300) -> tuple[NDArray, NDArray, NDArray]:
+        """Eccentricity (%), `number` and the leg (1 is the first), at many points of all legs."""
         smooth = curve(self.branch)
         ends = np.concatenate([[0.0], smooth.at_folds, smooth.at_points[-1:]])
         place = np.concatenate([np.linspace(*ends[i:i + 2], per_leg) for i in range(len(self.all))])
-        eccentricity, coefficients = smooth(place)
-        return 100 * eccentricity, number(eccentricity,
-                                          coefficients), np.repeat(np.arange(len(self.all)) + 1,
-                                                                   per_leg)
+        eccentricity, local = smooth(place)
+        legs = np.repeat(np.arange(len(self.all)) + 1, per_leg)
+        return 100 * eccentricity, number(eccentricity, local), legs
+
+    def at_folds(self) -> list[PeriodicOrbit]:
+        """The orbits at the folds in which a leg of `all` ends."""
+        return [self.branch.at_fold(i) for i in range(min(len(self.branch.folds), len(self.all)))]
 
 
 def legs_of(machine: Machine) -> Legs:
@@ -132,9 +153,32 @@ def legs_of(machine: Machine) -> Legs:
         return Legs(branch, branch_stability(branch, locate=False).points)
 
 
-def round_up(value: float) -> float:
-    """The next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
-    if not value > 0:
-        return 1.0
-    power = 10.0 ** math.floor(math.log10(value))
-    return next(f * power for f in (1, 1.5, 2, 3, 5, 7, 10, 15) if f * power >= value * (1 - 1e-12))
+class Diagram:
+    """1X along the eccentricity over all legs, drawn once, and where a click on it lands."""
+
+    def __init__(self, axes: Axes, legs: Legs) -> None:
+        self.axes, self.legs = axes, legs
+        self.dense = legs.dense(legs.first)
+        for word, line in legs.lines(legs.first).items():
+            axes.plot(*line, LINES[word], color=COLOURS[word], label=word)
+        axes.plot(*self.place(*legs.at_folds()), "D", color=COLOURS["fold"], markersize=6)
+        axes.set(title="Steady states: 1X in x", xlabel="static eccentricity, %",
+                 ylabel="µm (0-to-peak)", xlim=(0, 104 * legs.reach),
+                 ylim=(0, 1.25 * max(self.dense[1])))
+        axes.legend(loc="upper right", ncols=2, fontsize=11)
+        self.cursor = axes.axvline(0.0, color=COLOURS["axis"], linewidth=1)
+
+    def place(self, *orbits: PeriodicOrbit) -> tuple[list[float], list[float]]:
+        """Where some orbits lie in the diagram: eccentricities (%) and 1X (µm)."""
+        value = [self.legs.first(np.empty(0), orbit.local[None])[0] for orbit in orbits]
+        return [100 * orbit.static_eccentricity for orbit in orbits], value
+
+    def pick(self, x: float, y: float) -> tuple[float, int] | None:
+        """A stop of the slider (%) and the leg (1 is the first) nearest to a place in the figure,
+        or None off the diagram; x, y as `View.pick` takes them.
+        """
+        eccentricity, values, legs = self.dense
+        at = nearest(self.axes, x, y, np.column_stack([eccentricity, values]))
+        if at is None:
+            return None
+        return self.legs.all[legs[at] - 1].stop(eccentricity[at]), int(legs[at])

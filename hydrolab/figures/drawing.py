@@ -117,3 +117,11 @@ def frame_gap(axes: Axes, centre: NDArray, gap: float) -> None:
                     bbox_transform=axes.transData,
                     handlelength=1.5)
     frame(axes, centre[:, None] + gap * np.array([[-1.0, 1.0], [-1.0, 1.0]]), 0.04)
+
+
+def round_up(value: float) -> float:
+    """The next of 1, 1.5, 2, 3, 5, 7 times a power of ten."""
+    if not value > 0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(f * power for f in (1, 1.5, 2, 3, 5, 7, 10, 15) if f * power >= value * (1 - 1e-12))

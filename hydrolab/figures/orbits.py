@@ -33,7 +33,7 @@ from hydrolab.figures.picture import Picture
 from hydrolab.figures.readings import along, branch_reading, first_along, orbit_reading, percent, verdicts
 from hydrolab.figures.style import COLOURS, LINES, house_style, new_figure, plane
 
-# coefficients, shape (points, 2, 2m + 1) → a length of each point, m
+# coefficients of the c nonlinear coordinates, (points, c, 2m + 1) → a length of each point, m
 Number = Callable[[NDArray], NDArray]
 
 
@@ -42,19 +42,20 @@ class Curve:
     """A branch as a smooth curve through its points and folds, for the eye.
 
     at_points, at_folds: position of each along the curve. spline: position → [eccentricity,
-    coefficients …].
+    coefficients of the c nonlinear coordinates …]. coordinates: c.
     """
 
     at_points: NDArray
     at_folds: NDArray
     spline: CubicSpline
+    coordinates: int
 
     def __call__(self, position: NDArray) -> tuple[NDArray, NDArray]:
-        """Static eccentricity (fraction of the gap) and coefficients (m, (…, 2, 2m + 1)) at these
-        positions.
+        """Static eccentricity (fraction of the gap) and coefficients of the c nonlinear coordinates
+        (m or rad, (…, c, 2m + 1)) at these positions; the generator's x and z come first.
         """
         rows = self.spline(position)
-        return rows[..., 0], rows[..., 1:].reshape(*rows.shape[:-1], 2, -1)
+        return rows[..., 0], rows[..., 1:].reshape(*rows.shape[:-1], self.coordinates, -1)
 
 
 def curve(branch: Branch) -> Curve:
@@ -71,7 +72,8 @@ def curve(branch: Branch) -> Curve:
     scale = np.append(1.0, np.full(points.shape[1] - 1, 1 / branch.equations.model.length_scale))
     chord = np.linalg.norm(np.diff(points * scale, axis=0), axis=1)
     position = np.concatenate([[0.0], np.cumsum(np.maximum(chord, 1e-12))])
-    return Curve(np.delete(position, rows), position[rows], CubicSpline(position, points))
+    return Curve(np.delete(position, rows), position[rows], CubicSpline(position, points),
+                 len(branch.equations.linear))
 
 
 def stretches(branch_curve: Curve, words: Sequence[str]) -> list[tuple[str, float, float]]:

@@ -54,10 +54,11 @@ def second_share(coefficients: NDArray) -> float:
 
 def along(branch: Branch, coefficients: NDArray | None = None) -> NDArray:
     """[mean, sin 1, cos 1, …] along the branch's direction, m, shape (points, 2m + 1); by default
-    at its points.
+    at its points, else from coefficients (points, c, 2m + 1) with x and z first.
     """
-    return np.einsum("i,pik->pk", branch.direction,
-                     branch.coefficients if coefficients is None else coefficients)
+    if coefficients is None:
+        coefficients = branch.coefficients
+    return np.einsum("i,pik->pk", branch.direction, coefficients[:, :2])
 
 
 def first_along(branch: Branch, coefficients: NDArray | None = None) -> NDArray:

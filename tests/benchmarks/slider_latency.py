@@ -24,13 +24,13 @@ from tests.jupyter_process import TOKEN, jupyter_process
 FLAGS = ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
          "--no-proxy-server"]
 CELLS = ['''from hydrolab import load_machine
-from hydrolab.explorers.explorers import eccentricity_explorer
+from hydrolab.explorers import eccentricity_explorer
 
 eccentricity_explorer(load_machine("kaplan-150rpm"), 6.0)''', '''%matplotlib inline
 import ipywidgets as widgets
 from IPython.display import display
-from hydrolab.explorers.eccentricity_view import EccentricityView
-from hydrolab.explorers.widget import slider
+from hydrolab.explorers import slider
+from hydrolab.explorers.eccentricity import EccentricityView
 
 view = EccentricityView(load_machine("kaplan-150rpm"))
 view(6.0)

@@ -13,7 +13,17 @@ from PIL import Image
 
 from hydrolab.course.drawings import gap_picture
 from hydrolab.errors import BadInput
-from hydrolab.explorers.widget import FRAMES, MIME, Explorer, Frame, flipbook, main_control, quick_png, shown, slider_values
+from hydrolab.explorers import Explorer
+from hydrolab.explorers.flipbook import (
+    FRAMES,
+    MIME,
+    Frame,
+    flipbook,
+    main_control,
+    shown,
+    slider_values,
+)
+from hydrolab.explorers.kept_figure import quick_png
 
 
 def image(uri):

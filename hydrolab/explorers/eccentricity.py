@@ -1,45 +1,44 @@
-"""A steady state at any static eccentricity, as a figure that moves: the view behind
-`eccentricity_explorer`.
-"""
+"""The steady state of a machine at any static eccentricity and on any leg of its branch."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.explorers.legs import Legs, legs_of, round_up
-from hydrolab.explorers.widget import KeptFigure
-from hydrolab.figures.drawing import MM, REVOLUTION, UM, draw_axis, nearest
-from hydrolab.figures.paper_figures import draw_bearings, rotor_stations
+from hydrolab.explorers.kept_figure import KeptFigure
+from hydrolab.explorers.legs import STEP, Diagram, Legs, legs_of
+from hydrolab.explorers.widget import FigureExplorer, View, choice, slider
+from hydrolab.figures.drawing import MM, REVOLUTION, UM, draw_axis, round_up
+from hydrolab.figures.paper_figures import draw_bearings, path_of, rotor_stations
 from hydrolab.figures.readings import orbit_reading, percent
-from hydrolab.figures.style import COLOURS, LINES, house_style, new_figure, plane
+from hydrolab.figures.style import COLOURS, house_style, new_figure, plane
+from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
 
 COARSE = REVOLUTION[::4]  # phases at which a moving orbit is drawn
+FEW = 7  # frames of a flip-book: three explorers of a branch stand in one notebook
 PARTS = ("mean", "1X", "2X", "3X", "4X")
 LEAST, MOST = 0.1, 2e4  # µm, the scale of the harmonics
 FADED = "#BBBBBB"
-STEP = 0.05  # % of eccentricity, between two stops of the slider
 INSET = 0.66  # of the gap: side of the square inside the circle that shows the orbit enlarged
 
 
-class EccentricityView:
+class EccentricityView(View):
     """The steady state of a machine on a leg of its branch, at any static eccentricity.
 
-    Call it with an eccentricity in per cent and the number of a leg (1 is the first); it changes
-    its kept figure and returns the reading. Where there is no steady state it says so and leaves
-    the last one in grey.
+    Call it with an eccentricity in per cent and the number of a leg (1 is the first). Where there
+    is no steady state it says so and leaves the last one in grey.
     """
 
     def __init__(self, machine: Machine, legs: Legs | None = None) -> None:
         self.machine, self.legs = machine, legs or legs_of(machine)
-        self.shape: list = []
+        self.shape: list[Artist] = []
         self.gap = self.legs.branch.equations.model.gap
         with house_style():
             self._draw()
@@ -58,9 +57,8 @@ class EccentricityView:
         """Everything that stands still, and the artists that move."""
         figure = new_figure(11.4, 5.5)
         shaft = self.machine.shaft is not None
-        grid = figure.add_gridspec(2, 3 if shaft else 2,
-                                   width_ratios=(1.7, 1.1, 0.6) if shaft else (1.5, 1.3),
-                                   height_ratios=(1.25, 1))
+        grid = figure.add_gridspec(2, 3 if shaft else 2, height_ratios=(1.25, 1),
+                                   width_ratios=(1.7, 1.1, 0.6) if shaft else (1.5, 1.3))
         moving = [*self._draw_plane(figure.add_subplot(grid[:, 0])),
                   *self._draw_branch(figure.add_subplot(grid[0, 1])),
                   *self._draw_bars(figure.add_subplot(grid[1, 1]))]
@@ -68,49 +66,46 @@ class EccentricityView:
             moving += self._draw_shaft(figure.add_subplot(grid[:, 2]))
         self.kept = KeptFigure(figure, moving)
 
-    def _draw_plane(self, axes: Axes) -> list:
+    def _draw_plane(self, axes: Axes) -> list[Artist]:
+        gap = MM * self.gap
         plane(axes, "Rotor centre in its gap")
         draw_axis(axes)
-        reach = MM * self.gap * 1.12
-        axes.set(adjustable="box", xlim=(-reach, reach), ylim=(-reach, reach))
-        side = MM * self.gap * INSET
-        box = axes.inset_axes([0.17 * MM * self.gap, -side / 2, side, side],
-                              transform=axes.transData)
-        box.set(xticks=[], yticks=[], xlim=(-1.08, 1.08), ylim=(-1.08, 1.08))
-        box.grid(False)
-        box.spines[["top", "right"]].set_visible(True)
+        axes.set(adjustable="box", xlim=(-1.12 * gap, 1.12 * gap), ylim=(-1.12 * gap, 1.12 * gap))
         self.circle, = axes.plot([], [], color=COLOURS["stator"], linewidth=3.5)
         self.stator, = axes.plot([], [], "x", color=COLOURS["stator"], markersize=8,
                                  markeredgewidth=2)
         self.path, = axes.plot([], [], color=COLOURS["rotor"], linewidth=2)
         self.measure, = axes.plot([], [], color=COLOURS["axis"], linewidth=1.4, marker=".",
                                   markersize=4)
+        middle = {"ha": "center", "va": "center"}
+        self.left = axes.annotate("", (0.08 * gap, 0.66 * gap), fontsize=15, **middle)
+        self.none = axes.annotate("", (0.0, -0.72 * gap), fontsize=14, color=COLOURS["unstable"],
+                                  **middle)
+        # the orbit enlarged, about its mean
+        box = axes.inset_axes([0.17 * gap, -INSET * gap / 2, INSET * gap, INSET * gap],
+                              transform=axes.transData)
+        box.set(xticks=[], yticks=[], xlim=(-1.08, 1.08), ylim=(-1.08, 1.08))
+        box.grid(False)
+        box.spines[["top", "right"]].set_visible(True)
+        box.set_title("about its mean", fontsize=11, pad=3)
         self.large, = box.plot([], [], color=COLOURS["rotor"], linewidth=2.4)
         self.now, = box.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white",
                              markersize=9)
-        box.set_title("about its mean", fontsize=11, pad=3)
         self.scale = box.text(0.5, -0.03, "", transform=box.transAxes, ha="center", va="top",
                               fontsize=11)
-        self.left = axes.annotate("", (0.08 * MM * self.gap, 0.66 * MM * self.gap), ha="center",
-                                  va="center", fontsize=15)
-        self.none = axes.annotate("", (0.0, -0.72 * MM * self.gap), ha="center", va="center",
-                                  fontsize=14,
-                                  color=COLOURS["unstable"])
         return [self.circle, self.stator, self.path, self.measure, self.large, self.now,
                 self.scale, self.left, self.none]
 
-    def _draw_branch(self, axes: Axes) -> list:
-        self.diagram, self.dense = axes, self.legs.dense(draw_legs(axes, self.legs))
+    def _draw_branch(self, axes: Axes) -> list[Artist]:
+        self.diagram = Diagram(axes, self.legs)
         self.here, = axes.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white",
                                markersize=11)
-        self.cursor = axes.axvline(0.0, color=COLOURS["axis"], linewidth=1)
-        return [self.here, self.cursor]
+        return [self.here, self.diagram.cursor]
 
-    def _draw_bars(self, axes: Axes) -> list:
+    def _draw_bars(self, axes: Axes) -> list[Artist]:
         places = np.arange(len(PARTS))
         axes.set(yscale="log", ylim=(LEAST, MOST), xlim=(-0.6, len(PARTS) - 0.4),
-                 ylabel="µm (0-to-peak)",
-                 title="Mean and harmonics")
+                 ylabel="µm (0-to-peak)", title="Mean and harmonics")
         axes.set_xticks(places, PARTS)
         axes.yaxis.set_major_formatter("{x:g}")
         axes.grid(axis="x", visible=False)
@@ -120,10 +115,10 @@ class EccentricityView:
         axes.legend(loc="upper right", ncols=2, fontsize=11)
         return [bar for bars in self.bars.values() for bar in bars]
 
-    def _draw_shaft(self, axes: Axes) -> list:
-        orbits = [self.legs.branch[i] for leg in self.legs.all
-                  for i in range(*leg.rows.indices(len(self.legs.branch)))][::3]
-        x = MM * np.array([_extent(rotor_stations(self.machine, orbit)[1]) for orbit in orbits])
+    def _draw_shaft(self, axes: Axes) -> list[Artist]:
+        branch = self.legs.branch
+        orbits = [branch[i] for leg in self.legs.all for i in range(*leg.rows.indices(len(branch)))]
+        x = MM * np.array([_extent(rotor_stations(self.machine, o)[1]) for o in orbits[::3]])
         depths = rotor_stations(self.machine, orbits[0])[0]
         wide = np.ptp(x)
         axes.set(xlim=(x.min() - 0.1 * wide, x.max() + 0.1 * wide),
@@ -144,36 +139,31 @@ class EccentricityView:
         """Show the steady state at an eccentricity (%) on a leg; return what the figure says, in
         words.
         """
-        self.cursor.set_xdata([eccentricity, eccentricity])
+        self.diagram.cursor.set_xdata([eccentricity, eccentricity])
         with threadpool_limits(1):
             orbit = self.legs.orbit(eccentricity / 100, leg - 1)
         if orbit is None:
-            there = self.legs.all[leg - 1] if 0 < leg <= len(self.legs.all) else None
             self._fade(f"leg {leg}: none at {percent(eccentricity / 100)}")
-            also = [str(n) for n, other in enumerate(self.legs.all, 1)
-                    if other.holds(eccentricity / 100)]
-            reach = f" It spans {percent(there.low)} to {percent(there.high, 4)}." if there else ""
-            others = f"Other legs that pass here: {', '.join(also)}." if also else "No other leg of the branch passes here."
-            return (f"Leg {leg} has no steady state at {percent(eccentricity / 100)} of the gap; "
-                    "the last one is left in "
-                    f"grey.{reach} {others}")
+            return self._nothing(eccentricity / 100, leg)
         verdict = self.legs.verdict(orbit, leg - 1)
         self._show(orbit, verdict)
         return f"Leg {leg}, {verdict}. {orbit_reading(orbit)}"
 
-    def pick(self, x: float, y: float) -> dict[str, float] | None:
-        """Eccentricity (%) and leg of the branch's point nearest to a place in the figure, or None
-        off the diagram.
+    def _nothing(self, eccentricity: float, leg: int) -> str:
+        """That a leg does not pass an eccentricity, how far it goes, and which others do."""
+        legs = self.legs.all
+        there = legs[leg - 1] if 0 < leg <= len(legs) else None
+        also = [str(n) for n, other in enumerate(legs, 1) if other.holds(eccentricity)]
+        reach = f" It spans {percent(there.low)} to {percent(there.high, 4)}." if there else ""
+        others = (f"Other legs that pass here: {', '.join(also)}." if also
+                  else "No other leg of the branch passes here.")
+        return (f"Leg {leg} has no steady state at {percent(eccentricity)} of the gap; "
+                f"the last one is left in grey.{reach} {others}")
 
-        x, y: shares of the figure's width and height from its lower left corner.
-        """
-        eccentricity, values, legs = self.dense
-        if (at := nearest(self.diagram, x, y, np.column_stack([eccentricity, values]))) is None:
-            return None
-        leg = self.legs.all[legs[at] - 1]
-        # a stop of the slider
-        shown = min(max(round(eccentricity[at] / STEP) * STEP, 100 * leg.low), 100 * leg.high)
-        return {"eccentricity": shown, "leg": int(legs[at])}
+    def pick(self, x: float, y: float) -> dict[str, float] | None:
+        """Eccentricity (%) and leg of the branch's point nearest to a place in the figure."""
+        found = self.diagram.pick(x, y)
+        return found and {"eccentricity": found[0], "leg": found[1]}
 
     def _fade(self, words: str) -> None:
         for artist in (self.path, self.large, self.now, self.here, self.measure, *self.shape):
@@ -204,8 +194,7 @@ class EccentricityView:
         for artist in (self.path, self.large, self.now, self.here):
             artist.set_color(colour)
         self.measure.set_color(COLOURS["axis"])
-        along = self.legs.branch.direction @ orbit.coefficients
-        self.here.set_data([100 * orbit.static_eccentricity], [UM * math.hypot(*along[1:3])])
+        self.here.set_data(*self.diagram.place(orbit))
         for row, name in enumerate("xz"):
             sizes = [abs(orbit.mean[row]), *orbit.amplitudes[row, :len(PARTS) - 1]]
             for bar, value in zip(self.bars[name], sizes, strict=False):
@@ -216,41 +205,32 @@ class EccentricityView:
     def _show_shaft(self, orbit: PeriodicOrbit) -> None:
         depths, coefficients = rotor_stations(self.machine, orbit)
         order, nodes = np.argsort(depths), len(orbit.model.depths)
-        low, high = MM * _extent(coefficients)
         self.mean.set_data(MM * coefficients[order, 0, 0], depths[order])
-        for line, side in zip(self.ends, (low, high), strict=True):
+        for line, side in zip(self.ends, MM * _extent(coefficients), strict=True):
             line.set_data(side[order], depths[order])
         for artist in self.shape:
             artist.set_color(COLOURS["mean" if artist is self.mean else "rotor"])
         self.bodies.set_data(MM * coefficients[nodes:, 0, 0], depths[nodes:])
 
 
-def draw_legs(axes: Axes, legs: Legs) -> Callable[[NDArray, NDArray], NDArray]:
-    """Draw 1X along the eccentricity over all legs; return it as a function of eccentricity and
-    coefficients, µm.
-    """
-    direction = legs.branch.direction
-
-    def first(_: NDArray, coefficients: NDArray) -> NDArray:
-        return UM * np.hypot(*np.einsum("i,pik->pk", direction, coefficients)[:, 1:3].T)
-
-    for word, (eccentricity, values) in legs.lines(first).items():
-        axes.plot(eccentricity, values, LINES[word], color=COLOURS[word], label=word)
-    for fold in legs.branch.folds[:len(legs.all)]:
-        unknowns = legs.branch.equations.length * fold.unknowns.reshape(1, 2, -1)
-        axes.plot(100 * fold.value, first(np.empty(0), unknowns), "D", color=COLOURS["fold"],
-                  markersize=6)
-    shown = [v for leg in legs.all for v in first(np.empty(0), legs.branch.coefficients[leg.rows])]
-    axes.set(xlabel="static eccentricity, %", title="Steady states", ylabel="1X in x, µm "
-             "(0-to-peak)",
-             xlim=(0, 104 * max(leg.high for leg in legs.all)), ylim=(0, 1.25 * max(shown)))
-    axes.legend(loc="upper right", ncols=2, fontsize=11)
-    return first
-
-
 def _extent(coefficients: NDArray) -> NDArray:
     """Least and greatest x of each station over a revolution, m, (2, stations)."""
-    k = np.arange(1, coefficients.shape[2] // 2 + 1)[:, None]
-    x = (coefficients[:, 0, :1] + coefficients[:, 0, 1::2] @ np.sin(k * COARSE)
-         + coefficients[:, 0, 2::2] @ np.cos(k * COARSE))
+    x = path_of(coefficients[:, 0], COARSE)
     return np.array([x.min(axis=1), x.max(axis=1)])
+
+
+def eccentricity_explorer(machine: Machine | None = None,
+                          eccentricity: float | None = None) -> FigureExplorer:
+    """The steady state of a machine at any static eccentricity and on any leg of its branch.
+
+    A click on the branch shows the orbit there; slider and buttons reach the same points from the
+    keyboard. machine: by default the card "kaplan-150rpm". eccentricity: in per cent, to begin
+    with; by default most of the way to the first fold. Raises BadInput for a machine without an air
+    gap, NoConvergence where there is no first steady state.
+    """
+    view = EccentricityView(machine or load_machine("kaplan-150rpm"))
+    start = round(90 * view.legs.all[0].high, 1) if eccentricity is None else eccentricity
+    return FigureExplorer(view, {
+        "eccentricity": slider("static eccentricity, %", start, 0.0,
+                               round(104 * view.legs.reach, 1), STEP, 2),
+        "leg": choice("leg of the branch", 1, view.names)}, frames=FEW)

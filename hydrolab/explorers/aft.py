@@ -1,6 +1,4 @@
-"""Methods against a reference that hardly errs, as figures that move: time steps, and harmonics
-with their samples.
-"""
+"""Harmonics kept and samples taken in harmonic balance, against many of both."""
 
 from __future__ import annotations
 
@@ -9,98 +7,21 @@ from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.branches import follow, orbits_at
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
-from hydrolab.dynamics.integrate import CentralDifference, Newmark, integrate
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.errors import BadInput, NoConvergence
-from hydrolab.explorers.legs import round_up
-from hydrolab.explorers.widget import KeptFigure
-from hydrolab.figures.drawing import REVOLUTION, UM
-from hydrolab.figures.readings import microns, percent
+from hydrolab.errors import BadInput
+from hydrolab.explorers.kept_figure import KeptFigure
+from hydrolab.explorers.widget import FigureExplorer, View, steps, whole
+from hydrolab.figures.drawing import REVOLUTION, UM, round_up
+from hydrolab.figures.readings import percent
 from hydrolab.figures.style import COLOURS, house_style, new_figure, plane
+from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
 
-METHODS = {"central difference": CentralDifference, "Newmark, γ = 1/2": Newmark,
-           "Newmark, γ = 0.6": lambda n: Newmark(n, beta=0.3025, gamma=0.6)}  # β = (γ + 1/2)²/4
-MARKS = dict(zip(METHODS, (("o", COLOURS["x"]), ("s", COLOURS["z"]), ("^", COLOURS["2X"])),
-                 strict=True))
-STEPS = [8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256]
 SAMPLES = [4, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 128]
-REVOLUTIONS = 20
 LEAST = 1e-5  # µm, the lower end of the harmonics' scale
 
 
-class IntegratorView:
-    """What a method of time integration makes of a known orbit in 20 revolutions, and how its error
-    falls with the step.
-
-    The motion starts on the orbit, which harmonic balance with 16 harmonics gives. Every pair of
-    method and step that was looked at leaves a mark.
-    """
-
-    def __init__(self, machine: Machine, eccentricity: float = 0.07) -> None:
-        self.model, self.speed = machine.model(), machine.speed
-        self.orbit = HarmonicBalance(harmonics=16).solve(self.model, self.speed, eccentricity)
-        self.errors: dict[tuple[str, int], float] = {}
-        with house_style():
-            figure = new_figure(11, 5)
-            left, right = figure.subplots(1, 2)
-            plane(left, f"Revolution {REVOLUTIONS} about the mean, µm")
-            left.set(xlabel="x, µm", ylabel="z, µm")
-            exact = UM * (self.orbit.positions(REVOLUTION) - self.orbit.mean[:, None])
-            left.plot(*exact, color="#C8C8C8", linewidth=7, label="the orbit")
-            size = 1.5 * float(np.abs(exact).max())
-            left.set(adjustable="box", xlim=(-size, size), ylim=(-size, size))
-            self.path, = left.plot([], [], label="computed")
-            left.legend(loc="upper right")
-            right.set(xscale="log", yscale="log", xlim=(6, 340), ylim=(1e-2, 1e4),
-                      xlabel="steps in a revolution",
-                      ylabel="largest distance from the orbit, µm", title="Error, and the slope of "
-                      "the method's order")
-            right.set_xticks(STEPS, STEPS, fontsize=10)
-            right.minorticks_off()
-            self.slope, = right.plot([], [], ":", color=COLOURS["axis"])
-            self.seen = {name: right.plot([], [], mark, color=colour, linestyle="none",
-                                          label=name)[0]
-                         for name, (mark, colour) in MARKS.items()}
-            self.here, = right.plot([], [], "o", markersize=15, fillstyle="none",
-                                    color=COLOURS["mean"])
-            right.legend(loc="upper right")
-        self.kept = KeptFigure(figure, [self.path, self.slope, self.here, *self.seen.values()])
-
-    def begin(self) -> None:
-        """Forget what was looked at."""
-        self.errors.clear()
-
-    def __call__(self, method: str, steps: int) -> str:
-        """Show a method with a number of steps in a revolution; return the reading."""
-        chosen = METHODS[method](steps)
-        with threadpool_limits(1):
-            motion = integrate(self.model, chosen, speed=self.speed, start=self.orbit, modes=None,
-                               static_eccentricity=self.orbit.static_eccentricity,
-                               revolutions=REVOLUTIONS)
-        if not motion.finished:
-            raise NoConvergence(f"{method} with {steps} steps in a revolution does not get "
-                                f"through. {motion.stopped}")
-        times, path = motion.last(1)
-        error = UM * float(np.hypot(*(path - self.orbit.positions(self.speed * times))).max())
-        self.errors[method, steps] = error
-        self.path.set_data(*(UM * (path - self.orbit.mean[:, None])))
-        self.path.set_color(MARKS[method][1])
-        for name, line in self.seen.items():
-            found = sorted((n, e) for (who, n), e in self.errors.items() if who == name)
-            line.set_data(*zip(*found, strict=True) if found else ([], []))
-        self.here.set_data([steps], [error])
-        ends = np.array([6.0, 340.0])
-        self.slope.set_data(ends, error * (ends / steps) ** -chosen.order)
-        size = float(np.abs(self.orbit.positions(REVOLUTION) - self.orbit.mean[:, None]).max())
-        return (f"{method} (order {chosen.order}) with {steps} steps in a revolution is "
-                f"{error:.3g} µm off after "
-                f"{REVOLUTIONS} revolutions, {100 * error / (UM * size):.2g} % of the vibration, "
-                "which reaches "
-                f"{microns(size)}.")
-
-
-class HarmonicsView:
+class HarmonicsView(View):
     """An orbit with few harmonics and few samples against the same with many: its shape and its
     harmonics.
 
@@ -165,10 +86,8 @@ class HarmonicsView:
         self.wrong.set_data(np.arange(self.most + 1), np.maximum(wrong, LEAST))
         error = float(np.hypot(*(path - UM * self.exact.positions(REVOLUTION))).max())
         return (f"{harmonics} harmonics and {samples} samples in a revolution: the orbit is at "
-                f"most {_said(error)} off, "
-                f"{_said(self._aliasing(orbit))} of it because of the samples; the mean is "
-                f"{_said(wrong[0])} off, 1X "
-                f"{_said(wrong[1])}.")
+                f"most {_said(error)} off, {_said(self._aliasing(orbit))} of it because of the "
+                f"samples; the mean is {_said(wrong[0])} off, 1X {_said(wrong[1])}.")
 
     def _aliasing(self, orbit: PeriodicOrbit) -> float:
         """How far an orbit is from that of as many harmonics with many samples, µm."""
@@ -181,3 +100,17 @@ class HarmonicsView:
 def _said(size: float) -> str:
     """A size in µm with two digits, and a bound where it is near rounding."""
     return f"{float(format(size, '.2g')):g} µm" if size >= 1e-4 else "less than 0.0001 µm"
+
+
+def harmonics_explorer(machine: Machine | None = None, eccentricity: float = 5.0,
+                       leg: int = 2) -> FigureExplorer:
+    """Harmonics kept and samples taken in harmonic balance, against many of both, at an
+    eccentricity (%).
+
+    machine: by default the card "jeffcott". leg: which of the steady states there is, in the order
+    in which the branch meets them; the second of that rotor is wide, so that few harmonics are
+    visibly too few. Raises BadInput where there is no such steady state.
+    """
+    view = HarmonicsView(machine or load_machine("jeffcott"), eccentricity / 100, leg)
+    return FigureExplorer(view, {"harmonics": whole("harmonics", 2, 1, view.most),
+                                 "samples": steps("samples in a revolution", 8, SAMPLES)})

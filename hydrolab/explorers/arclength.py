@@ -1,4 +1,4 @@
-"""Steps along a curve of solutions, natural or by arclength, as a figure that moves."""
+"""Natural and arclength continuation on three curves, with steps of one length."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.dynamics.continuation import Step, correct
-from hydrolab.explorers.widget import KeptFigure
+from hydrolab.explorers.kept_figure import KeptFigure
+from hydrolab.explorers.widget import FigureExplorer, View, choice, slider, whole
 from hydrolab.figures.style import COLOURS, house_style, new_figure
 
 KAPPA = 1.64  # stiffness of the springs over that of the pull
@@ -43,14 +44,16 @@ def pull_in(y: NDArray, parameter: float) -> tuple[NDArray, NDArray, NDArray]:
 # system, where the walk begins (y, λ), the whole curve (λ, y), axes' limits and labels
 TURN = np.linspace(-np.pi, np.pi, 401)
 CUBIC, EPS = np.linspace(-1.6, 1.6, 401), np.linspace(-0.2, 0.62, 401)
+PULL_IN = TENTHS * (EPS - EPS / (KAPPA * (1 - EPS**2) ** 1.5)), TENTHS * EPS
 CURVES = {
-    "circle": (circle, (1.0, 0.0), (np.sin(TURN), np.cos(TURN)), (-2.2, 2.2), (-1.3, 1.3), "λ",
-               "y"),
-    "S": (s_curve, (-1.4, -1.344), (CUBIC**3 - CUBIC, CUBIC), (-2, 2), (-1.7, 1.7), "λ", "y"),
-    "static pull-in": (pull_in, (0.0, 0.0), (TENTHS * (EPS - EPS / (KAPPA * (1 - EPS**2) ** 1.5)),
-                                             TENTHS * EPS),
-                       (-1.4, 1.6), (-2, 8), "static eccentricity, tenths of the gap",
-                       "displacement, tenths of the gap"),
+    "circle": (circle, (1.0, 0.0), (np.sin(TURN), np.cos(TURN)),
+               {"xlim": (-2.2, 2.2), "ylim": (-1.3, 1.3), "xlabel": "λ", "ylabel": "y"}),
+    "S": (s_curve, (-1.4, -1.344), (CUBIC**3 - CUBIC, CUBIC),
+          {"xlim": (-2, 2), "ylim": (-1.7, 1.7), "xlabel": "λ", "ylabel": "y"}),
+    "static pull-in": (pull_in, (0.0, 0.0), PULL_IN,
+                       {"xlim": (-1.4, 1.6), "ylim": (-2, 8),
+                        "xlabel": "static eccentricity, tenths of the gap",
+                        "ylabel": "displacement, tenths of the gap"}),
 }
 
 
@@ -91,7 +94,7 @@ def arclength_walk(system: System, y: float, parameter: float, step: float,
     return found, ""
 
 
-class ArclengthView:
+class ArclengthView(View):
     """A curve, and the points that natural or arclength continuation finds on it with steps of one
     length.
     """
@@ -113,33 +116,42 @@ class ArclengthView:
 
     def __call__(self, curve: str, way: str, step: float, count: int) -> str:
         """Show so many steps of a length; return the reading."""
-        system, (y, parameter), whole, xlim, ylim, xlabel, ylabel = CURVES[curve]
+        system, (y, parameter), whole, limits = CURVES[curve]
         if curve != self._curve:
             self._curve = curve
             self.whole.set_data(*whole)
-            self.axes.set(xlim=xlim, ylim=ylim, xlabel=xlabel, ylabel=ylabel)
+            self.axes.set(**limits)
             self.kept.redraw()
         walk = natural_walk if way == WAYS[0] else arclength_walk
         found, stopped = walk(system, y, parameter, step, count)
+        # each step goes along its tangent to what was predicted, then to what was found
         at = np.array([[parameter, y], *([p.parameter, p.y[0]] for p in found)])
-        self.points.set_data(*at.T)
         tangents = np.array([[1.0, 0.0], *(p.tangent[::-1] for p in found)])
-        predicted = at[:-1] + step * tangents[:-1]
-        if way == WAYS[1] and len(at) > 1:
+        if way == WAYS[1]:
             start = correct(system, np.array([y, parameter]), np.array([0.0, 1.0]))
-            predicted[0] = at[0] + step * start.tangent[::-1]
-        zigzag = np.stack([at[:-1], predicted, at[1:]],
-                          axis=1) if len(at) > 1 else np.empty((0, 3, 2))
+            tangents[0] = start.tangent[::-1]
+        zigzag = np.stack([at[:-1], at[:-1] + step * tangents[:-1], at[1:]], axis=1)
+        self.points.set_data(*at.T)
         self.ways.set_data(*zigzag.reshape(-1, 2).T)
-        self.last.set_data(at[-1:, 0] if stopped else [], at[-1:, 1] if stopped else [])
+        self.last.set_data(*at[-1:].T if stopped else ([], []))
         turns = int((np.diff(np.sign(np.diff(at[:, 0]))) != 0).sum())
         work = sum(p.iterations for p in found)
         far = np.abs(np.diff(at[:, 1])).max() if len(found) else 0.0
-        leapt = way == WAYS[0] and far > 0.35 * (ylim[1] - ylim[0])
+        leapt = way == WAYS[0] and far > 0.35 * np.ptp(limits["ylim"])
         leap = " One step leapt to another part of the curve." if leapt else ""
         ended = (f"after {len(found)} of {count} steps {stopped}; the last point is" if stopped else
                  f"after all {count} steps it is")
         return (f"{way.capitalize()} continuation on the curve “{curve}” with steps of {step:.2f}: "
-                f"{ended} at λ = "
-                f"{at[-1, 0]:.3f}, y = {at[-1, 1]:.3f}; folds passed: {turns}; Newton steps: "
-                f"{work}.{leap}")
+                f"{ended} at λ = {at[-1, 0]:.3f}, y = {at[-1, 1]:.3f}; folds passed: {turns}; "
+                f"Newton steps: {work}.{leap}")
+
+
+def arclength_explorer() -> FigureExplorer:
+    """Natural and arclength continuation on a circle, an S and the static pull-in curve, with steps
+    of one length.
+    """
+    return FigureExplorer(ArclengthView(), {
+        "curve": choice("curve", "circle", list(CURVES)),
+        "way": choice("continuation", WAYS[0], list(WAYS)),
+        "step": slider("length of a step", 0.2, 0.02, 0.6, 0.02, 2),
+        "count": whole("steps", 12, 1, 60)})

@@ -11,12 +11,14 @@ from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.integrate import CentralDifference, integrate
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
-from hydrolab.explorers.eccentricity_view import STEP, draw_legs
-from hydrolab.explorers.legs import legs_of
-from hydrolab.explorers.widget import KeptFigure
-from hydrolab.figures.drawing import MM, REVOLUTION, draw_axis, nearest
+from hydrolab.explorers.eccentricity import FEW
+from hydrolab.explorers.kept_figure import KeptFigure
+from hydrolab.explorers.legs import STEP, Diagram, legs_of
+from hydrolab.explorers.widget import FigureExplorer, View, slider
+from hydrolab.figures.drawing import MM, REVOLUTION, draw_axis
 from hydrolab.figures.readings import percent
 from hydrolab.figures.style import COLOURS, LINES, PURPLE, house_style, new_figure, plane
+from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
 
 SEVERAL = 5  # orbits shown at one eccentricity
@@ -30,7 +32,7 @@ SAME = 0.02
 TURN = np.array([np.sin(REVOLUTION), np.cos(REVOLUTION)])
 
 
-class PastFoldView:
+class PastFoldView(View):
     """All orbits at an eccentricity, stable or not, and the machine that follows the eccentricity.
 
     While its leg goes on and is stable the machine stays on it. Where the leg ends or is unstable,
@@ -54,17 +56,14 @@ class PastFoldView:
             self.motion, = left.plot([], [], color=PURPLE, linewidth=1.2)
             self.words = left.annotate("", (0.5, 0.86), xycoords="axes fraction", ha="center",
                                        fontsize=14)
-            self.diagram, self.first = right, draw_legs(right, self.legs)
-            self.dense = self.legs.dense(self.first)
-            self.cursor = right.axvline(0, color=COLOURS["axis"], linewidth=1)
+            self.diagram = Diagram(right, self.legs)
             self.dots, = right.plot([], [], "o", color=COLOURS["axis"], markersize=7,
                                     linestyle="none")
             self.jumps, = right.plot([], [], color=PURPLE, linewidth=2, marker=".")
             self.here, = right.plot([], [], "o", color=COLOURS["rotor"], markersize=15,
                                     fillstyle="none", markeredgewidth=3)
         self.kept = KeptFigure(figure, [self.circle, *self.orbits, self.motion, self.words,
-                                        self.cursor, self.dots,
-                                        self.jumps, self.here])
+                                        self.diagram.cursor, self.dots, self.jumps, self.here])
         self.begin()
 
     def begin(self) -> None:
@@ -84,22 +83,17 @@ class PastFoldView:
                      if (orbit := self.legs.orbit(eccentricity / 100, number)) is not None]
         self._show(eccentricity, there)
         states = [f"leg {number + 1} {self.legs.verdict(orbit, number)}, smallest gap "
-                  f"{MM * orbit.smallest_gap:.2f} mm"
-                  for number, orbit in there]
-        found = f"{len(there)} steady state{'s' * (len(there) != 1)}" + (f": {'; '.join(states)}"
-                                                                         if states else "")
+                  f"{MM * orbit.smallest_gap:.2f} mm" for number, orbit in there]
+        found = f"{len(there)} steady state{'s' * (len(there) != 1)}"
+        found += f": {'; '.join(states)}" if states else ""
         told = f" {' '.join(self.story[-2:])}" if self.story else ""
-        return f"At {percent(eccentricity / 100)} there {'is' if len(there) == 1 else 'are'} {found}. {self._where()}{told}"
+        return (f"At {percent(eccentricity / 100)} there {'is' if len(there) == 1 else 'are'} "
+                f"{found}. {self._where()}{told}")
 
     def pick(self, x: float, y: float) -> dict[str, float] | None:
-        """Eccentricity (%) of the branch's point nearest to a place in the figure, or None off the
-        diagram.
-
-        x, y: shares of the figure's width and height from its lower left corner.
-        """
-        eccentricity, values, _ = self.dense
-        at = nearest(self.diagram, x, y, np.column_stack([eccentricity, values]))
-        return None if at is None else {"eccentricity": round(eccentricity[at] / STEP) * STEP}
+        """Eccentricity (%) of the branch's point nearest to a place in the figure."""
+        found = self.diagram.pick(x, y)
+        return found and {"eccentricity": found[0]}
 
     def _where(self) -> str:
         if self.leg is not None:
@@ -112,13 +106,12 @@ class PastFoldView:
         """Move the machine in small steps, and let it jump where it must."""
         while self.at != value and (self.leg is not None or self.off.finished):
             most = (STEP if self.leg is not None else SLOW) / 100
-            now = value if abs(value - self.at) <= most else self.at + math.copysign(most,
-                                                                                     value
-                                                                                     - self.at)
+            far = value - self.at
+            now = value if abs(far) <= most else self.at + math.copysign(most, far)
             if self.leg is None:
                 self._go_on(self.off, now)
-            elif (orbit := self.legs.orbit(now, self.leg)) is None or self.legs.verdict(orbit,
-                                                                                        self.leg) == "unstable":
+            elif (orbit := self.legs.orbit(now, self.leg)) is None or (
+                    self.legs.verdict(orbit, self.leg) == "unstable"):
                 self._jump(self.legs.orbit(self.at, self.leg), now)
             self.at = now
         self.at = value
@@ -128,11 +121,10 @@ class PastFoldView:
         how = "has ended" if self.legs.orbit(value, left) is None else "is no longer stable"
         self._go_on(start, value, f"At {percent(value, 4)} leg {left + 1} {how}")
         if self.leg is not None:
-            ends = [start, self.legs.orbit(value, self.leg)]
-            x, y = self.jumps.get_data()
-            new = [self.first(np.empty(0), o.coefficients[None])[0] for o in ends]
-            self.jumps.set_data([*x, np.nan, 100 * start.static_eccentricity, 100 * value],
-                                [*y, np.nan, *new])
+            old = self.jumps.get_data()
+            new = self.diagram.place(start, self.legs.orbit(value, self.leg))
+            self.jumps.set_data(*([*before, np.nan, *after]
+                                  for before, after in zip(old, new, strict=True)))
 
     def _go_on(self, start: PeriodicOrbit | Trajectory, value: float, why: str = "") -> None:
         """Integrate at an eccentricity from an orbit or a motion, and find out what it has come to.
@@ -140,19 +132,18 @@ class PastFoldView:
         more = ({"revolutions": REVOLUTIONS[1]} if isinstance(start, Trajectory) else
                 {"revolutions": REVOLUTIONS[0], "disturbance": (1e-6, 1e-6)})
         self.off = integrate(self.model, METHOD, speed=self.speed, static_eccentricity=value,
-                             start=start,
-                             **more)
+                             start=start, **more)
+        then = why or f"At {percent(value, 4)}"
         if not self.off.finished:
-            self.story.append(f"{why or f'At {percent(value, 4)}'}: {_lower(self.off.stopped)}")
+            self.story.append(f"{then}: {self.off.stopped[:1].lower()}{self.off.stopped[1:]}")
             return
         end = self.off.coefficients(self.legs.branch.equations.harmonics)
         for number in range(len(self.legs.all)):
             orbit = self.legs.orbit(value, number)
-            if orbit is not None and np.abs(end
-                                            - orbit.coefficients).max() < SAME * np.abs(orbit.amplitudes[:, 0]).max():
+            if orbit is not None and (np.abs(end - orbit.coefficients).max()
+                                      < SAME * np.abs(orbit.amplitudes[:, 0]).max()):
                 self.leg = number
-                self.story.append(f"{why or f'At {percent(value, 4)}'}: the motion settles on leg "
-                                  f"{number + 1}.")
+                self.story.append(f"{then}: the motion settles on leg {number + 1}.")
                 return
         if why:
             self.story.append(f"{why}: the motion settles on no orbit.")
@@ -160,27 +151,34 @@ class PastFoldView:
     def _show(self, eccentricity: float, there: list[tuple[int, PeriodicOrbit]]) -> None:
         centre = self.model.centre(eccentricity / 100)
         self.circle.set_data(*(MM * (centre[:, None] + self.gap * TURN)))
-        self.cursor.set_xdata([eccentricity, eccentricity])
+        self.diagram.cursor.set_xdata([eccentricity, eccentricity])
         for line in self.orbits:
             line.set_data([], [])
-        values = {number: self.first(np.empty(0), orbit.coefficients[None])[0]
-                  for number, orbit in there}
         for line, (number, orbit) in zip(self.orbits, there, strict=False):
             word = self.legs.verdict(orbit, number)
             line.set_data(*(MM * orbit.positions(REVOLUTION)))
             line.set(color=COLOURS[word], linestyle=LINES[word],
                      linewidth=5 if number == self.leg else 2)
-        self.dots.set_data([eccentricity] * len(values), list(values.values()))
-        self.here.set_data(*([[eccentricity], [values[self.leg]]] if self.leg in values
-                             else [[], []]))
+        self.dots.set_data(*self.diagram.place(*(orbit for _, orbit in there)))
+        self.here.set_data(*self.diagram.place(*(o for number, o in there if number == self.leg)))
         self.motion.set_data([], [])
+        self.words.set_text("")
         if self.leg is None:
             self.motion.set_data(*(MM * self.off.last(min(8.0, self.off.revolutions))[1]))
-        self.words.set_text("" if self.leg is not None else "no orbit" if self.off.finished
-                            else "contact")
-        self.words.set_color(PURPLE if self.leg is None and self.off.finished
-                             else COLOURS["unstable"])
+            self.words.set(text="no orbit" if self.off.finished else "contact",
+                           color=PURPLE if self.off.finished else COLOURS["unstable"])
 
 
-def _lower(sentence: str) -> str:
-    return sentence[:1].lower() + sentence[1:]
+def past_fold_explorer(machine: Machine | None = None, eccentricity: float = 8.5) -> FigureExplorer:
+    """Every orbit there is at an eccentricity, stable or not, and the jumps of a machine that is
+    brought there slowly.
+
+    A click on the branch brings it to that eccentricity.
+    machine: by default the card "kaplan-150rpm". eccentricity: in per cent, to begin with.
+    Raises BadInput for a machine without an air gap, NoConvergence where there is no first steady
+    state.
+    """
+    view = PastFoldView(machine or load_machine("kaplan-150rpm"))
+    where = slider("static eccentricity, %", eccentricity, 0.0, round(104 * view.legs.reach, 1),
+                   STEP, 2)
+    return FigureExplorer(view, {"eccentricity": where}, frames=FEW)

@@ -1,0 +1,50 @@
+"""The bearing that guides the body in the air gap, of whatever kind, and how stiff it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hydrolab.errors import BadInput
+from hydrolab.machine.parts import Machine
+
+# the number that says how stiff a bearing is, by the kinds of bearing: its unit and 1 SI in that
+STIFFNESS = {"stiffness": ("GN/m", 1e-9), "pad_stiffness": ("GN/m a pad", 1e-9),
+             "viscosity": ("mPa s", 1e3)}
+
+
+@dataclass(frozen=True, eq=False)
+class Guide:
+    """A radial bearing: its name and node, the key of its stiffness, and that number, SI; unit and
+    scale say how a slider shows it.
+    """
+
+    name: str
+    node: int
+    key: str
+    value: NDArray | float
+    unit: str
+    scale: float
+
+    @property
+    def shown(self) -> float:
+        """Its stiffness as a slider shows it."""
+        return self.scale * float(np.abs(self.value).max())
+
+
+def guide_of(machine: Machine) -> Guide:
+    """The radial bearing nearest to the body in the air gap: springs, pads or a film.
+
+    Raises BadInput for a machine without one.
+    """
+    home = machine.body(machine.air_gap.body).node
+    radial = [(bearing, name) for bearing in machine.all_bearings for name in STIFFNESS
+              if hasattr(bearing, name)]
+    if not radial:
+        raise BadInput(f"{machine.name} has no radial bearing; this explorer changes the stiffness "
+                       "of one.")
+    bearing, name = min(radial, key=lambda pair: abs(pair[0].node - home))
+    return Guide(bearing.name, bearing.node, f"bearings.{bearing.name}.{name}",
+                 getattr(bearing, name), *STIFFNESS[name])

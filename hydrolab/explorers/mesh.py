@@ -1,0 +1,119 @@
+"""How many elements a shaft needs, against its exact bending frequencies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+
+from hydrolab.errors import BadInput
+from hydrolab.explorers.kept_figure import KeptFigure
+from hydrolab.explorers.widget import FigureExplorer, View, whole
+from hydrolab.figures.style import COLOURS, house_style, new_figure
+from hydrolab.machine.cards import load_machine
+from hydrolab.machine.parts import Machine, RadialBearing, Shaft
+
+MODES = 4
+MOST = 16  # elements
+COLOUR = (COLOURS["x"], COLOURS["z"], COLOURS["2X"], COLOURS["3X"])
+
+
+class ElementsView(View):
+    """A shaft pinned at both ends in 1 to 16 Timoshenko elements, against its exact bending
+    frequencies.
+
+    The exact shapes are sines, and each frequency follows from a quadratic (S. P. Timoshenko,
+    1921): E I k⁴ − ω² (ρA + ρI k² + ρ E I k²/(κG)) + ω⁴ ρ² I/(κG) = 0 with k = nπ/L.
+    """
+
+    def __init__(self, shaft: Shaft) -> None:
+        self.shaft = _uniform(shaft, 1)
+        self.exact = np.array([self._frequency(n) for n in range(1, MODES + 1)])
+        found = {count: self.modes(count)[0] for count in range(1, MOST + 1)}
+        with house_style():
+            figure = new_figure(11, 5)
+            left, right = figure.subplots(1, 2)
+            self.y = np.linspace(0, 1, 201)
+            self.sine, = left.plot([], [], color="#C8C8C8", linewidth=7, label="exact")
+            self.line, = left.plot([], [], "o-", color=COLOURS["rotor"], label="at the nodes")
+            left.set(xlim=(0, 1), ylim=(-1.25, 1.25), xlabel="depth / length", title="Shape")
+            left.legend(loc="upper right", ncols=2)
+            for n, colour in enumerate(COLOUR):
+                known = [(count, 100 * (f[n] / self.exact[n] - 1)) for count, f in found.items()
+                         if len(f) > n]
+                right.plot(*zip(*known, strict=True), color=colour, marker=".",
+                           label=f"mode {n + 1}")
+            right.set(xscale="log", yscale="log", xlim=(0.9, 18), ylim=(1e-4, 300),
+                      xlabel="elements", title="Frequency too high by, %")
+            right.set_xticks([1, 2, 3, 4, 6, 8, 12, 16], [1, 2, 3, 4, 6, 8, 12, 16])
+            right.minorticks_off()
+            right.legend(loc="lower left")
+            self.here, = right.plot([], [], "o", markersize=14, fillstyle="none",
+                                    color=COLOURS["mean"])
+        self.kept = KeptFigure(figure, [self.sine, self.line, self.here])
+
+    def _frequency(self, n: int) -> float:
+        s = self.shaft
+        area, second = float(s.area[0]), float(s.second_moment[0])
+        shear = s.shear_coefficient * s.young / (2 * (1 + s.poisson))
+        k = n * math.pi / s.length
+        a, c = s.density**2 * second / shear, s.young * second * k**4
+        b = s.density * (area + second * k**2 + s.young * second * k**2 / shear)
+        return math.sqrt(2 * c / (b + math.sqrt(b * b - 4 * a * c)))
+
+    def modes(self, count: int) -> tuple[NDArray, NDArray]:
+        """Frequencies (rad/s, ascending) and shapes x at the nodes (nodes, modes) of the bending in
+        (x, y).
+        """
+        # a machine needs some; pinned below
+        ends = RadialBearing("top", 0, 1.0), RadialBearing("bottom", count, 1.0)
+        model = Machine("shaft", 0.0, _uniform(self.shaft, count), (), ends).model()
+        # x inside, every θz
+        free = [4 * i + dof for i in range(count + 1) for dof in (0, 3) if dof or 0 < i < count]
+        squares, vectors = eigh(model.K[np.ix_(free, free)], model.M[np.ix_(free, free)])
+        shapes = np.zeros((count + 1, len(free)))
+        shapes[1:-1] = vectors[[i for i, dof in enumerate(free) if dof % 4 == 0]]
+        return np.sqrt(squares), shapes
+
+    def __call__(self, elements: int, mode: int) -> str:
+        """Show a mode of the shaft in so many elements; return the reading."""
+        frequencies, shapes = self.modes(elements)
+        shape = shapes[:, mode - 1] if len(frequencies) >= mode else np.full(elements + 1, np.nan)
+        sine = np.sin(mode * math.pi * self.y)
+        nodes = np.linspace(0, 1, elements + 1)
+        at_nodes = np.sin(mode * math.pi * nodes)
+        # all nodes at rest
+        size = shape @ at_nodes / (at_nodes @ at_nodes) if at_nodes @ at_nodes > 1e-9 else math.inf
+        self.sine.set_data(self.y, sine)
+        self.line.set_data(nodes, shape / size)
+        if len(frequencies) < mode:
+            self.here.set_data([], [])
+            return f"With {elements} element{'s' * (elements > 1)} there is no mode {mode}."
+        error = 100 * (frequencies[mode - 1] / self.exact[mode - 1] - 1)
+        self.here.set_data([elements], [error])
+        return (f"With {elements} element{'s' * (elements > 1)} mode {mode} is at "
+                f"{frequencies[mode - 1] / 2 / math.pi:.3f} Hz, {error:.3g} % above the exact "
+                f"{self.exact[mode - 1] / 2 / math.pi:.3f} Hz.")
+
+
+def _uniform(shaft: Shaft, count: int) -> Shaft:
+    """A shaft's length in equal Timoshenko elements of its mean diameters."""
+    return replace(shaft, nodes=np.linspace(0, shaft.length, count + 1), element="timoshenko",
+                   diameter=float(np.mean(shaft.diameter)),
+                   inner_diameter=float(np.mean(shaft.inner_diameter)))
+
+
+def elements_explorer(machine: Machine | None = None) -> FigureExplorer:
+    """A shaft, pinned at both ends, in 1 to 16 elements against its exact bending frequencies.
+
+    machine: whose shaft it is; by default the card "kaplan-150rpm". Raises BadInput for a machine
+    without a shaft.
+    """
+    machine = machine or load_machine("kaplan-150rpm")
+    if machine.shaft is None:
+        raise BadInput(f"{machine.name} has no shaft; an explorer of elements needs one.")
+    return FigureExplorer(ElementsView(machine.shaft), {"elements": whole("elements", 2, 1, MOST),
+                                                        "mode": whole("mode", 1, 1, MODES)})

@@ -1,0 +1,116 @@
+"""Three numbers that a paper does not print, found by hand from two readings that it does."""
+
+from __future__ import annotations
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from hydrolab.dynamics.branches import Arclength, follow
+from hydrolab.errors import BadInput
+from hydrolab.explorers.guide import guide_of
+from hydrolab.explorers.kept_figure import KeptFigure
+from hydrolab.explorers.widget import FigureExplorer, View, slider
+from hydrolab.figures.drawing import UM
+from hydrolab.figures.readings import first_along
+from hydrolab.figures.style import COLOURS, house_style, new_figure
+from hydrolab.machine.cards import load_machine, vary
+from hydrolab.machine.parts import Machine
+
+AMPLITUDE = 200.0  # µm, 1X of the centred generator (Villa et al., section 2)
+FOLDS = (8.90, 8.95)  # %, an orbit is shown at 8.9 and none found beyond
+NEAR = 0.01  # of the amplitude, counted as a hit
+TRIES = 30  # of which marks stay
+VERDICTS = {(True, True): "Both agree with the paper.",
+            (True, False): "The fold agrees with the paper, 1X does not.",
+            (False, True): "1X agrees with the paper, the fold does not.",
+            (False, False): "Neither agrees."}
+
+
+class CalibrationView(View):
+    """Two readings of a machine as three of its numbers change: 1X when centred, and the first
+    fold. Each try is marked.
+    """
+
+    def __init__(self, machine: Machine) -> None:
+        self.machine, self.guide = machine, guide_of(machine)
+        self.body = machine.body(machine.air_gap.body)
+        self.tries: list[tuple[float, float]] = []
+        with house_style():
+            figure = new_figure(11, 5.2)
+            left, right = figure.subplots(1, 2)
+            wanted = {"color": COLOURS["stable"], "alpha": 0.35, "linewidth": 0}
+            left.axvspan(*FOLDS, label="fold wanted", **wanted)
+            self.branch, = left.plot([], [], color=COLOURS["rotor"], label="first leg")
+            self.turn, = left.plot([], [], "D", color=COLOURS["fold"])
+            left.plot(0, AMPLITUDE, "o", color=COLOURS["stable"], markersize=14, fillstyle="none",
+                      markeredgewidth=2.5, label="200 µm wanted")
+            left.set(xlim=(0, 12), ylim=(0, 1200), xlabel="static eccentricity, %",
+                     title="1X in x, µm (0-to-peak)")
+            left.legend(loc="upper left")
+            right.axvspan(*FOLDS, **wanted)
+            right.axhspan(AMPLITUDE * (1 - NEAR), AMPLITUDE * (1 + NEAR), **wanted)
+            self.trail, = right.plot([], [], ".-", color="#AAAAAA", linewidth=1)
+            self.now, = right.plot([], [], "o", color=COLOURS["rotor"], markersize=11)
+            right.set(xlim=(5, 12), ylim=(80, 400), xlabel="first fold, %",
+                      ylabel="1X when centred, µm (0-to-peak)",
+                      title="Both at once: where the bands cross")
+        self.kept = KeptFigure(figure, [self.branch, self.turn, self.trail, self.now])
+
+    def begin(self) -> None:
+        """Forget all tries."""
+        self.tries = []
+
+    def _varied(self, depth: float, mass: float, unbalance: float) -> Machine:
+        nodes = self.machine.shaft.nodes.copy()
+        nodes[self.guide.node] = depth
+        return vary(self.machine, {"shaft.nodes": nodes,
+                                   f"bodies.{self.body.name}.mass": 1e3 * mass,
+                                   "unbalance": unbalance})
+
+    def __call__(self, depth: float, mass: float, unbalance: float) -> str:
+        """Show a depth of the guide bearing (m), a generator mass (t) and a factor on all
+        unbalances; return the reading.
+        """
+        with threadpool_limits(1):
+            model = self._varied(depth, mass, unbalance).model()
+            branch = follow(model, speed=self.machine.speed, to=0.5, method=Arclength(max_folds=1))
+        first, leg = UM * first_along(branch), branch.first_leg
+        self.branch.set_data(100 * branch.static_eccentricity[leg], first[leg])
+        size = float(first[0])
+        said = (f"With the {self.guide.name} at {depth:.3f} m, {mass:.1f} t and {unbalance:.2f} "
+                f"times the unbalance, 1X is {size:.1f} µm when centred")
+        if not branch.folds:
+            for artist in (self.turn, self.now):
+                artist.set_data([], [])
+            return f"{said} (0-to-peak) and no fold was met: {branch.stopped}"
+        fold, turn = 100 * branch.folds[0].value, branch.at_fold(0)
+        self.turn.set_data([fold], [UM * turn.amplitudes[0, 0]])
+        if (fold, size) not in self.tries:
+            self.tries = [*self.tries, (fold, size)][-TRIES:]
+        self.trail.set_data(*zip(*self.tries, strict=True))
+        hits = FOLDS[0] <= fold <= FOLDS[1], abs(size / AMPLITUDE - 1) <= NEAR
+        self.now.set_data([fold], [size])
+        self.now.set_color(COLOURS["stable"] if all(hits) else COLOURS["rotor"])
+        return (f"{said} (0-to-peak; wanted {AMPLITUDE:.0f}) and the branch folds at {fold:.3f} % "
+                f"(wanted {FOLDS[0]:.2f} to {FOLDS[1]:.2f}). {VERDICTS[hits]}")
+
+
+def calibration_explorer(machine: Machine | None = None) -> FigureExplorer:
+    """Find the numbers that a paper does not print: 200 µm when centred, and the first fold from
+    8.90 to 8.95 %.
+
+    It starts beside the card's values. machine: with a shaft and an air gap; by default the card
+    "kaplan-150rpm". Raises BadInput for a machine without them.
+    """
+    machine = machine or load_machine("kaplan-150rpm")
+    if machine.shaft is None or machine.air_gap is None:
+        raise BadInput(f"{machine.name} lacks a shaft or an air_gap; an explorer of the "
+                       "calibration needs both.")
+    view = CalibrationView(machine)
+    mass, depth = view.body.mass / 1e3, float(machine.shaft.nodes[view.guide.node])
+    return FigureExplorer(view, {
+        "depth": slider(f"depth of the {view.guide.name}, m", round(1.1 * depth, 2),
+                        round(0.75 * depth, 2), round(1.35 * depth, 2), 0.002, 3),
+        "mass": slider(f"mass of the {view.body.name}, t", round(mass, 1), round(0.5 * mass),
+                       round(1.5 * mass), 0.5, 1),
+        "unbalance": slider("unbalance, × the card's", 0.7, 0.3, 2.0, 0.01, 2)})
