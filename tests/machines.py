@@ -11,9 +11,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from hydrolab import load_machine
-from hydrolab.machine.bearings import Crack, JournalFilm, PadBearing, RadialBearing
-from hydrolab.machine.gap_shape import GapShape, Poles
+from hydrolab.machine.bearings import JournalFilm, PadBearing, RadialBearing
+from hydrolab.machine.crack import Crack
+from hydrolab.machine.gap_shape import GapShape
 from hydrolab.machine.parts import Machine
+from hydrolab.machine.pole_pairs import Poles
 
 
 def unit(**parts) -> Machine:

@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from hydrolab import HarmonicBalance, load_machine
 from hydrolab.dynamics.parametric import centred_growth, stability_chart, two_pole_band
 from hydrolab.figures.practice_figure import stability_map
-from hydrolab.machine.gap_shape import Poles
+from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
 
 RPM = 30 / math.pi

@@ -3,25 +3,30 @@
 `cards` reads a TOML card or a shipped one; `quantities` declares each number once, with its unit
 and limits. `parts` holds the machine and its shaft, bodies and air gap, `bearings` and `crack` what
 carries or weakens the shaft. `elements` is the finite-element shaft. `pull` holds the base class of
-every force law and the pull of a round gap; `gap_shape` and `pole_pairs` are its neighbours. `model`
-puts all of it together: M, C, G, K, the law, the unbalance.
+every force law and the pull of a round gap; `gap_shape` and `pole_pairs` are its neighbours.
+`model` puts all of it together: M, C, G, K, the law, the unbalance.
 """
 
-from hydrolab.machine.bearings import Crack, JournalFilm, PadBearing, ShortFilm
-from hydrolab.machine.cards import card_names, card_text, load_machine, vary
-from hydrolab.machine.elements import energies, shaft_element
-from hydrolab.machine.gap_shape import Poles, gap_shapes, read_gap, selection_rule
-from hydrolab.machine.model import Model, body_matrices, rigid_link
-from hydrolab.machine.parts import (
-    AirGap,
-    Machine,
+from hydrolab.machine.bearings import (
+    JournalFilm,
+    PadBearing,
     RadialBearing,
-    RayleighDamping,
-    RigidBody,
-    Shaft,
+    ShortFilm,
     ThrustBearing,
 )
-from hydrolab.machine.pole_pairs import PolePairPull, series_force, truncated_size, whole_size
+from hydrolab.machine.cards import card_keys, card_names, card_text, load_machine, vary
+from hydrolab.machine.crack import Crack
+from hydrolab.machine.elements import energies, shaft_element
+from hydrolab.machine.gap_shape import GapShape, gap_shapes, read_gap, selection_rule
+from hydrolab.machine.model import Model, body_matrices, rigid_link
+from hydrolab.machine.parts import AirGap, Machine, RayleighDamping, RigidBody, Shaft
+from hydrolab.machine.pole_pairs import (
+    PolePairPull,
+    Poles,
+    series_force,
+    truncated_size,
+    whole_size,
+)
 from hydrolab.machine.pull import (
     Bulge,
     CircularPull,
@@ -37,10 +42,11 @@ from hydrolab.machine.pull import (
 )
 
 __all__ = [
-    "AirGap", "Bulge", "CircularPull", "Crack", "ForceLaw", "JournalFilm", "LinearPull", "Machine",
-    "Model", "PadBearing", "PolePairPull", "Poles", "RadialBearing", "RayleighDamping", "RigidBody",
-    "Shaft", "ShapedPull", "ShortFilm", "ThrustBearing", "TiltedPull", "Wave",
-    "body_matrices", "card_names", "card_text", "closed_form", "energies", "gap_shapes",
-    "load_machine", "outline", "read_gap", "rigid_link", "selection_rule", "series_force",
-    "shaft_element", "shaped_law", "tangential_limit", "truncated_size", "vary", "whole_size",
+    "AirGap", "Bulge", "CircularPull", "Crack", "ForceLaw", "GapShape", "JournalFilm",
+    "LinearPull", "Machine", "Model", "PadBearing", "PolePairPull", "Poles", "RadialBearing",
+    "RayleighDamping", "RigidBody", "Shaft", "ShapedPull", "ShortFilm", "ThrustBearing",
+    "TiltedPull", "Wave", "body_matrices", "card_keys", "card_names", "card_text",
+    "closed_form", "energies", "gap_shapes", "load_machine", "outline", "read_gap",
+    "rigid_link", "selection_rule", "series_force", "shaft_element", "shaped_law",
+    "tangential_limit", "truncated_size", "vary", "whole_size",
 ]

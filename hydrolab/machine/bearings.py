@@ -1,4 +1,6 @@
-r"""A guide bearing of separate pads with clearance: a pad pushes where the journal has crossed its
+r"""Bearings: linear, of pads with clearance, with an oil film; the parts and their laws.
+
+A guide bearing of separate pads with clearance: a pad pushes where the journal has crossed its
 clearance.
 
 F = −k Σ_j p(n_j · u − c) n_j over pads in the directions n_j, with p(d) = d for d > 0 and 0
@@ -20,29 +22,20 @@ G(p, q) = ∫ dθ / (1 − p cos θ − q sin θ) = (2/r) A,  A = π/2 + arctan(
 
 with p and q the parts of x along w and a quarter turn on: F = −(C/2) ∂²G/∂x² w. The same force is
 given in other letters by Capone (1991); Adiletta, Guido and Rossi (1996) print it.
-
-Linear supports of a shaft, and the damping of the whole machine: frozen, validated on construction,
-in SI units.
-
-Parts that act nonlinearly on their own coordinates: a bearing of pads, a journal film, a cracked
-shaft element.
-
-Frozen and validated like the other parts, in SI units; `attach` makes force laws of them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.errors import BadInput
-from hydrolab.machine.crack import BreathingCrack, crack_flexibility, stiffness_loss
 from hydrolab.machine.pull import ForceLaw, Linear
-from hydrolab.machine.quantities import bearing_matrix, nickname, number, shown, whole
+from hydrolab.machine.quantities import Fault, Matrix, Part, Text, Whole, declare, number_field
 
 
 @dataclass(frozen=True)
@@ -176,63 +169,54 @@ def third_derivatives(p: NDArray, q: NDArray) -> tuple[NDArray, NDArray, NDArray
     return ppp, ppq, pqq
 
 
+@dataclass(frozen=True)
+class Bearing(Part):
+    """A bearing at a node of the shaft.
+
+    A new kind is a dataclass over this one, in `BEARINGS`. told_by: the number by which a card
+    tells the kind. group: the field of a machine that holds bearings of this kind.
+    """
+
+    table = "bearings"
+    noun = "a bearing"
+    told_by: ClassVar[str]
+    group: ClassVar[str]
+    name: str = declare(Text("what the bearing is called", "guide bearing"))
+    node: int = declare(Whole("the node it is at, from 0 at the shaft top", 1))
+
+
 @dataclass(frozen=True, eq=False)
-class RadialBearing:
+class RadialBearing(Bearing):
     """A linear radial bearing: force on the rotor −stiffness·u − damping·u̇ with u = (x, z).
 
     stiffness (N/m) and damping (N s/m): one number (isotropic), two ([x, z]) or 2 × 2.
     """
 
-    name: str
-    node: int
-    stiffness: NDArray
-    damping: NDArray | float = 0.0
-
-    def __post_init__(self) -> None:
-        key = f"bearings.{nickname('the name of a bearing', self.name)}"
-        object.__setattr__(self, "stiffness",
-                           bearing_matrix(f"{key}.stiffness", self.stiffness, "N/m"))
-        object.__setattr__(self, "damping", bearing_matrix(f"{key}.damping", self.damping, "N s/m"))
+    noun = "a radial bearing"
+    told_by = "stiffness"
+    group = "bearings"
+    stiffness: NDArray = number_field("N/m", "stiffness, of each direct entry", holds=Matrix,
+                                      least=0, example=(1.37e9, "N/m"))
+    damping: NDArray | float = number_field("N s/m", "damping, of each direct entry", holds=Matrix,
+                                            least=0, default=0.0, example=(1e6, "N s/m"))
 
 
 @dataclass(frozen=True)
-class ThrustBearing:
+class ThrustBearing(Bearing):
     """A thrust bearing seen by the lateral motion: an angular spring, N m/rad, at one node."""
 
-    name: str
-    node: int
-    tilt_stiffness: float
-
-    def __post_init__(self) -> None:
-        key = f"bearings.{nickname('the name of a bearing', self.name)}.tilt_stiffness"
-        object.__setattr__(self, "tilt_stiffness",
-                           number(key, self.tilt_stiffness, least=0, unit="N m/rad"))
+    noun = "a thrust bearing"
+    told_by = "tilt_stiffness"
+    group = "thrust_bearings"
+    tilt_stiffness: float = number_field("N m/rad", "stiffness against tilt", least=0,
+                                         example=(5e7, "N m/rad"))
 
 
-@dataclass(frozen=True)
-class RayleighDamping:
-    """C = αM + βK with the given damping ratios in the first and the second distinct mode at rest.
-    """
-
-    ratio: tuple[float, float]
-
-    def __post_init__(self) -> None:
-        one = not np.iterable(self.ratio) or isinstance(self.ratio, (str, Mapping))
-        ratios = (self.ratio,) * 2 if one else self.ratio
-        checked = tuple(number("damping.ratio", r, least=0, below=1) for r in ratios)
-        if len(checked) != 2:
-            raise BadInput(f"damping.ratio has {len(checked)} entries; give one ratio or two.")
-        object.__setattr__(self, "ratio", checked)
-
-
-# of the diameter; the strips of the flexibility's integral end in the middle of the section
-DEEPEST = 0.45
-BREATHING = ("hinge", "open")
 STIFF = 5  # so that the linear answer, from which a solver starts, lies within the clearance
 
 
 @dataclass(frozen=True)
-class PadBearing:
+class PadBearing(Bearing):
     """A guide bearing of separate pads with clearance (`Pads`): dry contact, no friction.
 
     pads: how many, at equal angles. pad_stiffness: of each, N/m. clearance: between each and the
@@ -241,24 +225,20 @@ class PadBearing:
     millimetre where there is no clearance.
     """
 
-    name: str
-    node: int
-    pads: int
-    pad_stiffness: float
-    clearance: float
-    angle: float = 0.0
-    rounding: float = 0.0
-
-    def __post_init__(self) -> None:
-        key = f"bearings.{nickname('the name of a bearing', self.name)}"
-        put = object.__setattr__
-        put(self, "pads", whole(f"{key}.pads", self.pads, 3, 64, "with fewer than 3 the journal "
-                                "can slip out between"))
-        put(self, "pad_stiffness", number(f"{key}.pad_stiffness", self.pad_stiffness, above=0,
-                                          unit="N/m"))
-        put(self, "clearance", number(f"{key}.clearance", self.clearance, unit="m"))
-        put(self, "angle", number(f"{key}.angle", self.angle, unit="rad"))
-        put(self, "rounding", number(f"{key}.rounding", self.rounding, least=0, unit="m"))
+    noun = "pads with clearance"
+    told_by = "pad_stiffness"
+    group = "pad_bearings"
+    pads: int = declare(Whole("how many pads, at equal angles", 8, least=3, most=64, why="with "
+                              "fewer than 3 the journal can slip out between"))
+    pad_stiffness: float = number_field("N/m", "stiffness of each pad", above=0,
+                                        example=(3.4e8, "N/m"))
+    clearance: float = number_field("m", "between each pad and the resting journal; negative is a "
+                                    "preload", example=(150, "µm"))
+    angle: float = number_field("rad", "gap angle of the first pad, from z towards x", default=0.0,
+                                example=(22.5, "deg"))
+    rounding: float = number_field("m", "distance over which contact begins softly; 0 stands for a "
+                                   "tenth of the clearance", least=0, default=0.0,
+                                   example=(15, "µm"))
 
     def law(self) -> Pads:
         """The bearing's law, which takes back the linear bearing of its closed stiffness in the
@@ -270,34 +250,30 @@ class PadBearing:
 
 
 @dataclass(frozen=True)
-class JournalFilm:
+class JournalFilm(Bearing):
     """A short journal bearing with a cavitated oil film (`ShortFilm`).
 
     viscosity: µ, Pa s. journal_radius: R, m. film_length: L along the axis, m. clearance: radial,
     m.
     """
 
-    name: str
-    node: int
-    viscosity: float
-    journal_radius: float
-    film_length: float
-    clearance: float
+    noun = "a journal film"
+    told_by = "viscosity"
+    group = "films"
+    viscosity: float = number_field("Pa s", "viscosity of the oil", above=0, example=(0.03, "Pa s"))
+    journal_radius: float = number_field("m", "radius of the journal", above=0, example=(400, "mm"))
+    film_length: float = number_field("m", "length of the film along the axis", above=0,
+                                      example=(250, "mm"))
+    clearance: float = number_field("m", "radial clearance", above=0, example=(200, "µm"))
 
-    def __post_init__(self) -> None:
-        key = f"bearings.{nickname('the name of a bearing', self.name)}"
-        put = object.__setattr__
-        put(self, "viscosity", number(f"{key}.viscosity", self.viscosity, above=0, unit="Pa s"))
-        for name in ("journal_radius", "film_length", "clearance"):
-            put(self, name, number(f"{key}.{name}", getattr(self, name), above=0, unit="m"))
+    def disagreements(self) -> Iterator[Fault]:
+        """A film is thin and short."""
         if self.clearance > 0.1 * self.journal_radius:
-            raise BadInput(f"{key}.clearance is {self.clearance:g} m; a film is thin, so it must "
-                           "be at most a tenth of "
-                           f"{key}.journal_radius, {self.journal_radius:g} m.")
+            yield "clearance", (f"is {self.clearance:g} m; a film is thin, so it must be at most a "
+                                f"tenth of {self.key}.journal_radius, {self.journal_radius:g} m.")
         if self.film_length > 2 * self.journal_radius:
-            raise BadInput(f"{key}.film_length is {self.film_length:g} m; the short film holds for "
-                           "bearings no longer "
-                           f"than their diameter, {2 * self.journal_radius:g} m.")
+            yield "film_length", (f"is {self.film_length:g} m; the short film holds for bearings "
+                                  f"no longer than their diameter, {2 * self.journal_radius:g} m.")
 
     def law(self, speed: float) -> ShortFilm:
         """The film's law; the reference it takes back is STIFF times its cross stiffness in the
@@ -307,45 +283,4 @@ class JournalFilm:
         return ShortFilm(damping, self.clearance, STIFF * math.pi / 4 * damping * speed)
 
 
-@dataclass(frozen=True)
-class Crack:
-    """A transverse crack in the middle of a shaft element (`BreathingCrack`).
-
-    element: counted from the shaft top, from 0. depth: of the crack at its deepest, over the
-    diameter. phase: angle of the crack from the direction of an unbalance of phase 0, rad, with the
-    spin. breathing: "hinge" opens and closes with the bending, "open" is a slot. rounding_angle:
-    the angle between the element's ends over which it opens, rad.
-    """
-
-    name: str
-    element: int
-    depth: float
-    phase: float = 0.0
-    breathing: str = "hinge"
-    rounding_angle: float = 1e-7
-
-    def __post_init__(self) -> None:
-        key = f"cracks.{nickname('the name of a crack', self.name)}"
-        put = object.__setattr__
-        put(self, "element", whole(f"{key}.element", self.element, 0, 10_000,
-                                   "elements are counted from 0 at the top"))
-        put(self, "depth", number(f"{key}.depth", self.depth, least=0))
-        if self.depth > DEEPEST:
-            raise BadInput(f"{key}.depth is {self.depth:g}; the flexibility is known up to "
-                           f"{DEEPEST:g} of the diameter.")
-        put(self, "phase", number(f"{key}.phase", self.phase, unit="rad"))
-        put(self, "rounding_angle", number(f"{key}.rounding_angle", self.rounding_angle, above=0,
-                                           unit="rad"))
-        if self.breathing not in BREATHING:
-            raise BadInput(f"{key}.breathing is {shown(self.breathing)}; it must be one of "
-                           f"{', '.join(BREATHING)}.")
-
-    def law(self, young: float, poisson: float, diameter: float, rigidity: float,
-            length: float) -> BreathingCrack:
-        """The crack's law in an element of a solid round shaft. rigidity: EI, N m². length: of the
-        element, m.
-        """
-        flexibility = crack_flexibility(self.depth, young, poisson, diameter / 2)
-        return BreathingCrack(stiffness_loss(rigidity, length, flexibility), self.phase,
-                              self.rounding_angle,
-                              self.breathing == "hinge")
+BEARINGS: tuple[type[Bearing], ...] = (RadialBearing, ThrustBearing, PadBearing, JournalFilm)

@@ -1,48 +1,42 @@
-"""What a machine card may hold: its tables and keys, units and sources, and the sentences about
-what it may not.
-
-A number of a card is an inline table with value, unit and source (`entry_of`); the tables are
-`Section`s.
-
-Machine cards: a machine in TOML, every number with its unit and its source, read into a `Machine`.
+"""Machine cards: a machine in TOML, every number with its unit and its source.
 
 A number of a card is an inline table, `mass = { value = 110, unit = "t", source = "calibrated",
-note = "…" }`; the note is optional. Bearings are radial, thrust, of pads with clearance or with a
-film, by the number that tells (`card_keys.BEARINGS`); `[[cracks]]` are in shaft elements. Copy a
-shipped card (`card_text`), edit it, and load it by its path. A card is data and nothing of it is
-ever executed. A bad card raises `BadInput` with one sentence that names the key, its value and what
-is allowed.
-
-The same machine with one number changed.
+note = "…" }`; the note is optional. What a table may hold is read from the fields of its part
+(`card_keys` lists all of them); a bearing is told by its first number. Copy a shipped card
+(`card_text`), edit it, and load it by its path. A card is data and nothing of it is ever executed.
+A bad card raises `BadInput` with everything that is wrong with it, a sentence a line, each with the
+key, its value and what is allowed.
 """
 
 from __future__ import annotations
 
-import math
 import tomllib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, Field, fields, replace
 from difflib import get_close_matches
-from functools import partial
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hydrolab.errors import BadInput
-from hydrolab.machine.bearings import Crack, JournalFilm, PadBearing
-from hydrolab.machine.gap_shape import GapShape, Poles
-from hydrolab.machine.parts import (
-    SI_UNITS,
-    AirGap,
+from hydrolab.machine.bearings import BEARINGS, Bearing
+from hydrolab.machine.crack import Crack
+from hydrolab.machine.gap_shape import GapShape
+from hydrolab.machine.parts import AirGap, Machine, RayleighDamping, RigidBody, Shaft
+from hydrolab.machine.pole_pairs import Poles
+from hydrolab.machine.quantities import (
+    UNITS,
+    BadParts,
     Entry,
-    Machine,
-    RadialBearing,
-    RayleighDamping,
-    RigidBody,
-    Shaft,
-    ThrustBearing,
+    Fault,
+    Number,
+    Part,
+    Prose,
+    checked,
+    declared,
+    dotted,
     nickname,
     number,
     shown,
@@ -50,67 +44,197 @@ from hydrolab.machine.parts import (
 
 SCHEMA = 1
 SOURCES = ("paper", "Table 1", "literature", "derived", "calibrated", "assumed")
-UNITS: dict[str, dict[str, tuple[float, float]]] = {
-    "m": {"m": (1, 1), "mm": (1, 1000), "µm": (1, 1_000_000)},
-    "kg": {"kg": (1, 1), "t": (1000, 1)},
-    "kg m": {"kg m": (1, 1), "kg mm": (1, 1000)},
-    "kg m^2": {"kg m^2": (1, 1), "t m^2": (1000, 1)},
-    "rad/s": {"rad/s": (1, 1), "rpm": (math.pi, 30)},
-    "rad": {"rad": (1, 1), "deg": (math.pi, 180)},
-    "Pa": {"Pa": (1, 1), "GPa": (1_000_000_000, 1)},
-    "1": {"1": (1, 1), "%": (1, 100)},
-# SI unit → accepted unit → (a, b) with SI value = value · a / b; what is not listed is accepted in
-# SI only
-}
+CONVERTED = {unit for units in UNITS.values() for unit in units} - set(UNITS)
+# parts of which a machine has one, and those of which it has several, each under its table
+ALONE: tuple[type[Part], ...] = (Shaft, Poles, RayleighDamping, AirGap)
+SEVERAL: tuple[type[Part], ...] = (RigidBody, Bearing, Crack, GapShape)
 
 
-@dataclass(frozen=True)
-class Section:
-    """What a table of a card holds: plain keys with their type, and numbers that must or may be
-    there.
+class CardKey(NamedTuple):
+    """A key that a card may hold.
 
-    choices: plain keys with their type that may be left out.
+    key: dotted, with "…" for the name of a part. part: what has it, in words. meaning: in words.
+    unit: those accepted, the first SI; empty for what is not a number. limits: in words. example:
+    a line of TOML. needed: whether its table must have it.
     """
 
-    plain: Mapping[str, type]
-    required: tuple[str, ...] = ()
-    optional: tuple[str, ...] = ()
-    choices: Mapping[str, type] = field(default_factory=dict)
+    key: str
+    part: str
+    meaning: str
+    unit: str
+    limits: str
+    example: str
+    needed: bool
 
 
-CARD = Section({"schema": int, "name": str}, ("speed",))
-OTHERS = ("title", "about", "shaft", "bodies", "bearings", "damping", "air_gap", "cracks", "poles",
-          "shapes")  # all optional
-SHAFT = Section({"element": str}, ("nodes", "diameter", "young", "density", "poisson",
-                                   "shear_coefficient"),
-                ("inner_diameter",))
-BODY = Section({"name": str, "node": int}, ("mass", "Id", "Ip"), ("offset", "unbalance", "phase"))
-# without a shaft nothing tilts
-POINT_MASS = replace(BODY, required=("mass",), optional=("Id", "Ip", *BODY.optional))
-RADIAL = Section({"name": str, "node": int}, ("stiffness",), ("damping",))
-ZEROS = {"Id": 0.0, "Ip": 0.0}  # of a point mass
-THRUST = Section({"name": str, "node": int}, ("tilt_stiffness",))
-DAMPING = Section({}, ("ratio",))
-NUMBER = Section({"unit": str, "source": str})
-AIR_GAP = Section({"body": str}, ("field", "mean_radius", "length", "gap"), ("tangential",),
-                  {"tilt": bool, "linear": bool})
-POLES = Section({"pole_pairs": int}, (), ("electrical_ratio", "pole_angle", "backward",
-                                          "backward_angle", "stator_mmf",
-                                          "load_angle"), {"series": str})
-SHAPE = Section({"name": str, "of": str, "order": int}, ("size",), ("angle",))
-PADS = Section({"name": str, "node": int, "pads": int}, ("pad_stiffness", "clearance"),
-               ("angle", "rounding"))
-FILM = Section({"name": str, "node": int}, ("viscosity", "journal_radius", "film_length",
-                                            "clearance"))
-CRACK = Section({"name": str, "element": int}, ("depth",), ("phase", "rounding_angle"),
-                {"breathing": str})
-BEARINGS: dict[str, tuple[Section, type, str]] = {
-    "stiffness": (RADIAL, RadialBearing, "a radial bearing"),
-    "tilt_stiffness": (THRUST, ThrustBearing, "a thrust bearing"),
-    "pad_stiffness": (PADS, PadBearing, "pads with clearance"),
-    "viscosity": (FILM, JournalFilm, "a journal film"),
-}  # the number that tells which kind a bearing is
-KINDS = {str: "text", int: "a whole number", bool: "true or false"}
+def card_keys() -> list[CardKey]:
+    """Return every key that a card may hold, in the order of its tables."""
+    rows = [CardKey("schema", "the card", "the form of the card", "", f"{SCHEMA}",
+                    f"schema = {SCHEMA}", True)]
+    for kind in (Machine, Shaft, RigidBody, *BEARINGS, RayleighDamping, AirGap, Crack, Poles,
+                 GapShape):
+        prefix = f"{kind.table}.…" if "name" in declared(kind) and kind.table else kind.table
+        what = f"[{kind.table}]" if kind in ALONE else kind.noun
+        for name, holds in declared(kind).items():
+            unit = ", ".join(holds.units) if isinstance(holds, Number) else ""
+            rows.append(CardKey(dotted(prefix, name), what, holds.meaning, unit, holds.limits,
+                                f"{name} = {example(holds)}", name in needed(kind)))
+    return rows
+
+
+def example(holds: Any, filled: bool = True) -> str:
+    """What a declared field may look like in a card; not filled: its form, for any number."""
+    if not isinstance(holds, Number):
+        return {str: f'"{holds.example}"', bool: "true"}.get(type(holds.example),
+                                                             f"{holds.example}")
+    value, unit = holds.example if filled else ("…", next(iter(holds.units)))
+    return f'{{ value = {value}, unit = "{unit}", source = "assumed" }}'
+
+
+def needed(kind: type[Part], free: tuple[str, ...] = ()) -> list[str]:
+    """The fields of a kind of part that its table must state; free: those that it need not."""
+    def must(f: Field) -> bool:
+        return f.default is MISSING or declared(kind)[f.name].stated
+
+    return [f.name for f in fields(kind) if f.name in declared(kind) and must(f)
+            and f.name not in free]
+
+
+class Reader:
+    """Reads the tables of a card into parts, and gathers what is wrong on the way.
+
+    entries: the numbers as stated, by their keys. faults: keys and sentences.
+    """
+
+    def __init__(self) -> None:
+        self.entries: dict[str, Entry] = {}
+        self.faults: list[Fault] = []
+
+    def fail(self, key: str, sentence: str) -> None:
+        """Add a fault, with the value as the card states it where that is in another unit."""
+        entry = self.entries.get(key)
+        if entry is not None and entry.unit in CONVERTED:
+            sentence = f"{sentence[:-1]}; the card says {shown(entry.value)} {entry.unit}."
+        self.faults.append((key, sentence))
+
+    def keys(self, key: str, table: Mapping, must: Mapping[str, str], may: list[str]) -> None:
+        """Find keys too many and too few. must: what the table needs, each with an example."""
+        where, known = key or "the card", list(dict.fromkeys([*must, *may]))
+        for unknown in (k for k in table if k not in known):
+            near = get_close_matches(str(unknown), known, 1)
+            self.fail(key, f"{dotted(key, shown(unknown).strip(chr(39)))} = "
+                      f"{shown(table[unknown])} is not a key of {where}; "
+                      f"{f'the nearest is {near[0]}, ' if near else ''}allowed are "
+                      f"{', '.join(known)}.")
+        for k in (k for k in must if k not in table):
+            own = dotted(key, k)
+            self.fail(own, f"{own} is missing; {where} needs {', '.join(must)}, so add "
+                      f"{k} = {must[k]}.")
+
+    def entry(self, key: str, table: Any, holds: Number) -> Entry | None:
+        """The number that a card states under a key, or None."""
+        name, before = key.rpartition(".")[2], len(self.faults)
+        if not isinstance(table, Mapping):
+            self.fail(key, f"{key} is {shown(table)}; write a number as "
+                      f"{name} = {example(holds, filled=False)}.")
+            return None
+        self.keys(key, table, {"value": "…", "unit": f'"{next(iter(holds.units))}"',
+                               "source": '"assumed"'}, ["note"])
+        stated = {**table, "unit": _plain_micro(table.get("unit"))}
+        for part, allowed in (("unit", list(holds.units)), ("source", SOURCES)):
+            if part in table and stated[part] not in allowed:
+                self.fail(f"{key}.{part}", f"{key}.{part} is {shown(table[part])}; it must be one "
+                          f"of {', '.join(allowed)}.")
+        try:
+            note = Prose("note").check(f"{key}.note", table.get("note", ""))
+            if len(self.faults) == before:
+                si = in_si(key, table["value"], stated["unit"], holds.units[stated["unit"]])
+                return Entry(table["value"], stated["unit"], table["source"], note, si)
+        except BadInput as error:
+            self.fail("", str(error))
+        return None
+
+    def values(self, kind: type[Part], key: str, table: Any, free: tuple[str, ...] = (),
+               also: tuple[str, ...] = ()) -> dict[str, Any] | None:
+        """The declared fields of a part as its table states them, or None where something is wrong.
+
+        free: fields that the table need not state. also: keys of other things in it.
+        """
+        if not isinstance(table, Mapping):
+            self.fail(key, f"{key} is {shown(table)}; it must be one table, opened by [{key}].")
+            return None
+        before, fields_of = len(self.faults), declared(kind)
+        self.keys(key, table, {k: example(fields_of[k], filled=False) for k in needed(kind, free)},
+                  [*fields_of, *also])
+        found: dict[str, Any] = {}
+        for name in (name for name in fields_of if name in table):
+            own, holds = dotted(key, name), fields_of[name]
+            found[name] = table[name]
+            if isinstance(holds, Number):
+                entry = self.entry(own, table[name], holds)
+                if entry is None:
+                    del found[name]
+                else:
+                    self.entries[own], found[name] = entry, entry.si
+        good, faults = checked(kind, key, found)
+        for fault in faults:
+            self.fail(*fault)
+        return good if len(self.faults) == before else None
+
+    def part(self, kind: type[Part], key: str, values: dict[str, Any] | None) -> Any:
+        """The part that these values make, or None where something is wrong."""
+        if values is None:
+            return None
+        try:
+            made = kind(**values)
+        except BadParts as error:
+            for fault in error.faults:
+                self.fail(*fault)
+            return None
+        for name in (name for name in declared(kind) if (own := dotted(key, name)) in self.entries):
+            own = dotted(key, name)
+            self.entries[own] = replace(self.entries[own], si=getattr(made, name))
+        return made
+
+    def tables(self, kind: type[Part], card: Mapping) -> Iterator[tuple[str, Mapping]]:
+        """The tables of a list, each with its dotted key, which holds its name if it has one."""
+        tables = card.get(kind.table, [])
+        if not isinstance(tables, list) or not all(isinstance(t, Mapping) for t in tables):
+            self.fail(kind.table, f"{kind.table} is {shown(tables)}; it must be a list of tables, "
+                      f"each opened by [[{kind.table}]].")
+            return
+        for i, table in enumerate(tables):
+            try:
+                yield f"{kind.table}.{nickname('', table.get('name'))}", table
+            except BadInput:  # the check of its fields says so
+                yield f"{kind.table}[{i}]", table
+
+    def kind_of_bearing(self, key: str, table: Mapping) -> type[Bearing] | None:
+        """The kind of a bearing, by the one number that tells."""
+        told = [kind for kind in BEARINGS if kind.told_by in table]
+        if len(told) > 1:
+            self.fail(key, f"{key} has both {' and '.join(kind.told_by for kind in told)}: "
+                      f"{'; '.join(f'{kind.noun} has {kind.told_by}' for kind in told)}; write two "
+                      "bearings.")
+        elif not told:
+            kinds = " nor ".join(f"{kind.told_by} ({kind.noun})" for kind in BEARINGS)
+            first = BEARINGS[0]
+            form = example(declared(first)[first.told_by], filled=False)
+            self.fail(key, f"{key} has neither {kinds}; add {first.told_by} = {form}, or one of "
+                      "the others.")
+        return told[0] if len(told) == 1 else None
+
+
+def _plain_micro(unit: Any) -> Any:
+    """The unit with the micro sign for the Greek letter, which looks the same."""
+    return unit.replace("\u03bc", "\u00b5") if isinstance(unit, str) else unit
+
+
+def in_si(key: str, value: Any, unit: str, factors: tuple[float, float], depth: int = 2) -> Any:
+    """A number or nested lists of numbers in a unit, in SI units; factors: as in `UNITS`."""
+    if isinstance(value, (list, tuple)) and depth:
+        return [in_si(key, v, unit, factors, depth - 1) for v in value]
+    return number(key, value, unit=unit if unit != "1" else "") * factors[0] / factors[1]
 
 
 def check_schema(card: Any) -> None:
@@ -122,115 +246,9 @@ def check_schema(card: Any) -> None:
     schema = card["schema"]
     if isinstance(schema, int) and not isinstance(schema, bool) and schema > SCHEMA:
         raise BadInput(f"schema is {shown(schema)}; this hydrolab reads schema {SCHEMA}, so it "
-                       "needs a newer hydrolab "
-                       "or a card made for this one.")
+                       "needs a newer hydrolab or a card made for this one.")
     if schema != SCHEMA or not isinstance(schema, int) or isinstance(schema, bool):
         raise BadInput(f"schema is {shown(schema)}; it must be the whole number {SCHEMA}.")
-
-
-def tables_of(key: str, card: Mapping) -> list[tuple[str, Mapping]]:
-    """The tables of a list, each with its dotted key, which holds its name."""
-    tables = card.get(key, [])
-    if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
-        raise BadInput(f"{key} is {shown(tables)}; it must be a list of tables, each opened by "
-                       f"[[{key}]].")
-    return [(f"{key}.{nickname(f'{key}[{i}].name', table['name'])}" if "name" in table
-             else f"{key}[{i}]", table)
-            for i, table in enumerate(tables)]
-
-
-def kind_of_bearing(key: str, bearing: Mapping) -> tuple[Section, type]:
-    """The section and the part of a bearing, by the one number that tells its kind."""
-    told = [k for k in BEARINGS if k in bearing]
-    if len(told) > 1:
-        kinds = "; ".join(f"{BEARINGS[k][2]} has {k}" for k in told)
-        raise BadInput(f"{key} has both {' and '.join(told)}: {kinds}; write two bearings.")
-    if not told:
-        raise BadInput(f"{key} has neither "
-                       f"{' nor '.join(f'{k} ({what})' for k, (_, _, what) in BEARINGS.items())}; "
-                       "add "
-                       f"stiffness = {_example('stiffness')}, or one of the others.")
-    return BEARINGS[told[0]][:2]
-
-
-def check_keys(key: str, table: Any, section: Section, also: tuple[str, ...] = ()) -> None:
-    """Raise BadInput where a table has a key too many or too few, or plain keys of the wrong type.
-    """
-    where = key or "the card"
-    if not isinstance(table, Mapping):
-        raise BadInput(f"{key} is {shown(table)}; it must be one table, opened by [{key}].")
-    dot = f"{key}." if key else ""
-    known = [*section.plain, *section.required, *section.optional, *section.choices, *also]
-    for unknown in (k for k in table if k not in known):
-        near = get_close_matches(str(unknown), known, 1)
-        raise BadInput(f"{dot}{shown(unknown).strip(chr(39))} = {shown(table[unknown])} is not a "
-                       f"key of {where}; "
-                       f"{f'the nearest is {near[0]}, ' if near else ''}allowed are "
-                       f"{', '.join(dict.fromkeys(known))}.")
-    for k, kind in (*section.plain.items(), *section.choices.items()):
-        if k not in table and k in section.choices:
-            continue
-        if k not in table:
-            raise BadInput(f"{dot}{k} is missing; {where} needs "
-                           f"{', '.join([*section.plain, *section.required])}.")
-        if not isinstance(table[k], kind) or isinstance(table[k], bool) > (kind is bool):
-            raise BadInput(f"{dot}{k} is {shown(table[k])}; it must be {KINDS[kind]}.")
-    for k in section.required:
-        if k not in table:
-            raise BadInput(f"{dot}{k} is missing; {where} needs "
-                           f"{', '.join([*section.plain, *section.required])}, "
-                           f"so add {k} = {_example(k)}.")
-
-
-def units_of(k: str) -> dict[str, tuple[float, float]]:
-    """The units that a number of this name may have, the first its SI unit; see `UNITS`."""
-    return UNITS.get(SI_UNITS[k], {SI_UNITS[k]: (1, 1)})
-
-
-def _example(k: str) -> str:
-    return f'{{ value = …, unit = "{next(iter(units_of(k)))}", source = "assumed" }}'
-
-
-def entry_of(key: str, table: Any) -> Entry:
-    """The number a card states under a dotted key, with its value in SI units."""
-    k = key.rpartition(".")[2]
-    if not isinstance(table, Mapping):
-        raise BadInput(f"{key} is {shown(table)}; write a number as {k} = {_example(k)}.")
-    check_keys(key, table, NUMBER, ("value", "note"))
-    if "value" not in table:
-        raise BadInput(f"{key}.value is missing; write a number as {k} = {_example(k)}.")
-    for part, allowed in (("unit", units_of(k)), ("source", SOURCES)):
-        if table[part] not in allowed:
-            raise BadInput(f"{key}.{part} is {shown(table[part])}; it must be one of "
-                           f"{', '.join(allowed)}.")
-    a, b = units_of(k)[table["unit"]]
-
-    def si(value: Any, depth: int) -> Any:
-        if isinstance(value, (list, tuple)) and depth:
-            return [si(v, depth - 1) for v in value]
-        return number(key, value, unit=table["unit"] if table["unit"] != "1" else "") * a / b
-
-    return Entry(table["value"], table["unit"], table["source"],
-                 prose(f"{key}.note", table.get("note", "")),
-                 si(table["value"], 2))
-
-
-def prose(key: str, text: Any) -> str:
-    """Free text on one line, without what could steer a terminal."""
-    if not isinstance(text, str) or not all(c.isprintable() or c.isspace() for c in text):
-        raise BadInput(f"{key} is {shown(text)}; it must be text without control characters.")
-    return " ".join(text.split())
-
-
-def as_stated(sentence: str, entries: Mapping[str, Entry]) -> str:
-    """The sentence about a part, with the value as the card states it where that is in another
-    unit.
-    """
-    for key, entry in entries.items():
-        if sentence.startswith((f"{key} ",
-                                f"{key}[")) and entry.unit != SI_UNITS[key.rpartition(".")[2]]:
-            return f"{sentence[:-1]}; the card says {shown(entry.value)} {entry.unit}."
-    return sentence
 
 
 LARGEST_CARD = 2_000_000  # bytes
@@ -280,63 +298,45 @@ def load_machine(name_or_path: str | Path) -> Machine:
     """Return the machine of a shipped card (by its name) or of your own (a path that ends in
     .toml).
 
-    Raises BadInput with one sentence if the card cannot be found, read or is no possible machine.
+    Raises BadInput if the card cannot be found or read, or with everything that is wrong with it, a
+    sentence a line.
     """
     card = read_card(name_or_path)
     try:
         return machine_from_card(card)
     except BadInput as error:
-        raise BadInput(f"{shown(Path(name_or_path).name).strip(chr(39))}: {error}") from None
+        name = shown(Path(name_or_path).name).strip("'")
+        raise BadInput("\n".join(f"{name}: {line}" for line in str(error).split("\n"))) from None
 
 
 def machine_from_card(card: Mapping[str, Any]) -> Machine:
     """Return the machine of a card given as nested dicts and lists, as `read_card` returns it.
 
-    Raises BadInput with one sentence that names the key, its value and what is allowed.
+    Raises BadInput with everything that is wrong, a sentence a line, each with the key, its value
+    and what is allowed.
     """
     check_schema(card)
-    check_keys("", card, CARD, OTHERS)
-    speed = entry_of("speed", card["speed"])
-    entries = {"speed": speed}
-
-    def part(key: str, table: Any, section: Section, make: Callable[..., Any]) -> Any:
-        check_keys(key, table, section)
-        found = {k: entry_of(f"{key}.{k}", table[k])
-                 for k in (*section.required, *section.optional) if k in table}
-        try:
-            plain = {k: table[k] for k in (*section.plain, *section.choices) if k in table}
-            made = make(**plain, **{k: entry.si for k, entry in found.items()})
-        except BadInput as error:
-            raise BadInput(as_stated(str(error),
-                                     {f"{key}.{k}": entry for k, entry in found.items()})) from None
-        entries.update({f"{key}.{k}": replace(entry, si=getattr(made, k))
-                        for k, entry in found.items()})
-        return made
-
-    def table(key: str, section: Section, make: Callable[..., Any]) -> Any:
-        return part(key, card[key], section, make) if key in card else None
-
-    shaft = table("shaft", SHAFT, Shaft)
-    body_section = BODY if shaft else POINT_MASS
-    bodies = tuple(part(key, body, body_section, partial(RigidBody, **ZEROS))
-                   for key, body in tables_of("bodies", card))
-    bearings: dict[type, list] = {kind: [] for _, kind, _ in BEARINGS.values()}
-    for key, bearing in tables_of("bearings", card):
-        section, kind = kind_of_bearing(key, bearing)
-        bearings[kind].append(part(key, bearing, section, kind))
-    cracks = tuple(part(key, crack, CRACK, Crack) for key, crack in tables_of("cracks", card))
-    shapes = tuple(part(key, shape, SHAPE, GapShape) for key, shape in tables_of("shapes", card))
-    poles = table("poles", POLES, Poles)
-    damping, air_gap = table("damping", DAMPING, RayleighDamping), table("air_gap", AIR_GAP, AirGap)
-    try:
-        return Machine(
-            card["name"], speed.si, shaft, bodies, tuple(bearings[RadialBearing]),
-            tuple(bearings[ThrustBearing]), damping,
-            air_gap, prose("title", card.get("title", "")), entries,
-            prose("about", card.get("about", "")),
-            tuple(bearings[PadBearing]), tuple(bearings[JournalFilm]), cracks, poles, shapes)
-    except BadInput as error:
-        raise BadInput(as_stated(str(error), entries)) from None
+    read = Reader()
+    own = read.values(Machine, "", card,
+                      also=("schema", *(kind.table for kind in (*ALONE, *SEVERAL))))
+    alone = {kind: read.part(kind, kind.table, read.values(kind, kind.table, card[kind.table]))
+             for kind in ALONE if kind.table in card}
+    several: dict[str, list[Part]] = {}
+    for kind in SEVERAL:
+        for key, table in read.tables(kind, card):
+            free = ("Id", "Ip") if "shaft" not in card else ()  # without a shaft nothing tilts
+            one = read.kind_of_bearing(key, table) if kind is Bearing else kind
+            if one is not None:
+                made = read.part(one, key, read.values(one, key, table, free))
+                group = one.group if issubclass(one, Bearing) else kind.table
+                several.setdefault(group, []).append(made)
+    if not read.faults:
+        parts = {kind.table: made for kind, made in alone.items()}
+        lists = {group: tuple(made) for group, made in several.items()}
+        machine = read.part(Machine, "", own | parts | lists | {"provenance": read.entries})
+    if read.faults:
+        raise BadParts(read.faults)
+    return machine
 
 
 def write_card(card: Mapping[str, Any], path: str | Path) -> Machine:
@@ -409,7 +409,8 @@ def _read(path: Path) -> str:
                            "is a few kB of TOML.")
         return content.decode("utf-8-sig")  # Windows puts a mark before UTF-8
     except UnicodeDecodeError as error:
-        raise BadInput(f"{shown(str(path))} is not TOML: byte {error.start} is not UTF-8 text.") from None
+        raise BadInput(f"{shown(str(path))} is not TOML: byte {error.start} is not UTF-8 "
+                       "text.") from None
     except OSError as error:
         raise BadInput(f"{shown(str(path))} cannot be read: {_reason(error)}.") from None
 
@@ -426,70 +427,16 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
 
 
-GROUPS = {"bodies": ("bodies",), "bearings": ("bearings", "thrust_bearings", "pad_bearings",
-                                              "films"),
-          # fields of a machine that hold the parts of a card's section
-          "cracks": ("cracks",), "shapes": ("shapes",)}
-
-
 def vary(machine: Machine, changes: Mapping[str, Any]) -> Machine:
     """Return the machine with these numbers in place of its own, SI units.
 
-    Keys are those of its card: "speed", "air_gap.field", "bodies.generator.mass",
-    "bearings.generator guide bearing.stiffness", "shaft.young"; short forms: "field" for
-    "air_gap.field" and "unbalance" for a factor on all unbalances. Raises BadInput for a key the
-    machine does not have, or a value its part refuses.
+    machine: as loaded from a card or made in Python. changes: values by key. Keys are those of its
+    card, which `machine.numbers()` lists: "speed", "air_gap.field", "bodies.generator.mass",
+    "bearings.generator guide bearing.stiffness", "shaft.young", "damping.ratio"; short forms:
+    "field" for "air_gap.field" and "unbalance" for a factor on all unbalances. Raises BadInput for
+    a key the machine does not have, or a value its part refuses.
     """
-    for key, value in changes.items():
-        if key == "speed":
-            machine = replace(machine, speed=value)
-        elif key == "unbalance":
-            machine = replace(machine, bodies=tuple(replace(b, unbalance=value * b.unbalance)
-                                                    for b in machine.bodies))
-        else:
-            machine = _vary_part(machine, "air_gap.field" if key == "field" else key, value)
-    return machine
-
-
-def _vary_part(machine: Machine, key: str, value: Any) -> Machine:
-    section, _, rest = key.partition(".")
-    name, _, attribute = rest.rpartition(".")
-    if section in ("shaft", "air_gap", "poles") and not name and getattr(machine,
-                                                                         section) is not None:
-        return replace(machine, **{section: _replaced(key, getattr(machine, section), attribute,
-                                                      value)})
-    for group in GROUPS.get(section, ()):
-        parts = getattr(machine, group)
-        for i, part in enumerate(parts):
-            if part.name == name:
-                changed = _replaced(key, part, attribute, value)
-                return replace(machine, **{group: (*parts[:i], changed, *parts[i + 1:])})
-    raise BadInput(f"{key!r} is not a number of {machine.name}; there are "
-                   f"{', '.join(parameter_keys(machine))}.")
-
-
-def _replaced(key: str, part: Any, attribute: str, value: Any) -> Any:
-    if attribute not in _numbers(part):
-        raise BadInput(f"{key!r} is not a number; this part has {', '.join(_numbers(part))}.")
-    return replace(part, **{attribute: value})
-
-
-def _numbers(part: Any) -> list[str]:
-    """Names of the fields of a part that hold numbers."""
-    return [f.name for f in fields(part) if f.name not in ("node", "element", "pads", "pole_pairs",
-                                                           "order")
-            and isinstance(value := getattr(part, f.name), (int, float, np.ndarray, np.number))
-            and not isinstance(value, bool)]
-
-
-def parameter_keys(machine: Machine) -> list[str]:
-    """Every key that `vary` takes for this machine."""
-    keys = ["speed", "unbalance"]
-    for section in ("shaft", "air_gap", "poles"):
-        if getattr(machine, section) is not None:
-            keys += [f"{section}.{n}" for n in _numbers(getattr(machine, section))]
-    for section, parts in (("bodies", machine.bodies), ("bearings", machine.all_bearings),
-                           ("cracks", machine.cracks),
-                           ("shapes", machine.shapes)):
-        keys += [f"{section}.{part.name}.{n}" for part in parts for n in _numbers(part)]
-    return keys
+    if not isinstance(machine, Machine):
+        raise BadInput(f"machine is a {type(machine).__name__}; it must be a Machine, such as "
+                       "load_machine returns.")
+    return machine.with_numbers(changes)

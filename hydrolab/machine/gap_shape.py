@@ -9,12 +9,6 @@ To second order in the shapes a centred rotor feels a force only from two orders
 (`selection_rule`): with g = g0 (1 + η), g⁻² ≈ g0⁻² (1 − 2η + 3η²), and only the product of two such
 orders holds cos φ.
 
-What makes the field or the gap other than round and constant: poles and their waves, and shapes of
-stator and rotor.
-
-Frozen and validated like the other parts, in SI units; `attach` makes the law of the air gap of
-them.
-
 A measured air gap, from a CSV of angle and gap to the Fourier shape of a stator or a rotor.
 """
 
@@ -31,9 +25,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
-from hydrolab.machine.pole_pairs import PolePairPull
-from hydrolab.machine.pull import Bulge, ForceLaw, Wave, outline, shaped_law
-from hydrolab.machine.quantities import nickname, number, shown, whole
+from hydrolab.machine.pole_pairs import Poles
+from hydrolab.machine.pull import Bulge, ForceLaw, outline, shaped_law
+from hydrolab.machine.quantities import (
+    Choice,
+    Part,
+    Text,
+    Whole,
+    declare,
+    number_field,
+    shown,
+)
 
 
 class ShapeForce(NamedTuple):
@@ -76,70 +78,12 @@ def selection_rule(stiffness: float, gap: float, one: tuple[Side, Bulge],
                       angle + (math.pi if low.size * high.size < 0 else 0.0))
 
 
-SERIES = ("whole", "published")
 SIDES = ("stator", "rotor")
 MOST = 40  # of the order of a shape: the quadrature's 256 points resolve it
 
 
 @dataclass(frozen=True)
-class Poles:
-    """The poles of the field, whose pull beats with twice the electrical frequency (`PolePairPull`,
-    `FieldWave`).
-
-    pole_pairs: p. electrical_ratio: electrical over mechanical angle; 0 stands for p, a synchronous
-    machine. pole_angle: electrical angle of the field's peak from z at phase 0, rad. backward,
-    backward_angle: the wave that turns backward where the phases are out of balance, over the
-    forward one, and its angle, rad. stator_mmf, load_angle: the stator's wave of magnetomotive
-    force over the rotor's, whose field is B0, and its electrical angle behind it, rad. series:
-    "whole", or "published" for the permeance cut at its third order.
-    """
-
-    pole_pairs: int
-    electrical_ratio: float = 0.0
-    pole_angle: float = 0.0
-    backward: float = 0.0
-    backward_angle: float = 0.0
-    stator_mmf: float = 0.0
-    load_angle: float = 0.0
-    series: str = "whole"
-
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "pole_pairs", whole("poles.pole_pairs", self.pole_pairs, 1, 100,
-                                      "leave out [poles] for a constant field"))
-        for name in ("pole_angle", "backward_angle", "load_angle"):
-            put(self, name, number(f"poles.{name}", getattr(self, name), unit="rad"))
-        for name in ("electrical_ratio", "backward", "stator_mmf"):
-            put(self, name, number(f"poles.{name}", getattr(self, name), least=0))
-        if self.series not in SERIES:
-            raise BadInput(f"poles.series is {shown(self.series)}; it must be one of "
-                           f"{', '.join(SERIES)}.")
-        if self.stator_mmf and self.series != "whole":
-            raise BadInput(f"poles.stator_mmf is {self.stator_mmf:g}, which is taken by quadrature "
-                           "of the whole gap; leave out series.")
-
-    @property
-    def ratio(self) -> float:
-        """Electrical over mechanical angle."""
-        return self.electrical_ratio or float(self.pole_pairs)
-
-    def waves(self) -> tuple[Wave, ...]:
-        """The waves of magnetomotive force: the rotor's, the stator's behind it, the backward one.
-        """
-        p, start, ratio = self.pole_pairs, self.pole_angle, self.ratio
-        waves = (Wave(p, 1.0, ratio, start),
-                 Wave(p, self.stator_mmf, ratio, start - self.load_angle),
-                 Wave(p, self.backward, -ratio, -start - self.backward_angle))
-        return tuple(wave for wave in waves if wave.share)
-
-    def closed(self, stiffness: float, gap: float) -> PolePairPull:
-        """The law of the field in a round gap in closed form, without a stator's wave."""
-        return PolePairPull(stiffness, gap, self.pole_pairs, self.ratio, self.pole_angle,
-                            self.backward, self.backward_angle, self.series == "published")
-
-
-@dataclass(frozen=True)
-class GapShape:
+class GapShape(Part):
     """One order of a shape out of round (`Bulge`): the radius is larger by size · cos(order (φ −
     angle)).
 
@@ -147,20 +91,16 @@ class GapShape:
     circumference. size: m. angle: gap angle of a lobe, rad, on the rotor at phase 0.
     """
 
-    name: str
-    of: str
-    order: int
-    size: float
-    angle: float = 0.0
-
-    def __post_init__(self) -> None:
-        key = f"shapes.{nickname('the name of a shape', self.name)}"
-        put = object.__setattr__
-        if self.of not in SIDES:
-            raise BadInput(f"{key}.of is {shown(self.of)}; it must be one of {', '.join(SIDES)}.")
-        put(self, "order", whole(f"{key}.order", self.order, 1, MOST, "1 is a shift, 2 an oval"))
-        put(self, "size", number(f"{key}.size", self.size, unit="m"))
-        put(self, "angle", number(f"{key}.angle", self.angle, unit="rad"))
+    table = "shapes"
+    noun = "a shape"
+    name: str = declare(Text("what the shape is called", "oval"))
+    of: str = declare(Choice("what is out of round", "stator", options=SIDES))
+    order: int = declare(Whole("lobes around the circumference", 2, least=1, most=MOST,
+                               why="1 is a shift, 2 an oval"))
+    size: float = number_field("m", "by how much the radius is larger at a lobe",
+                               example=(400, "µm"))
+    angle: float = number_field("rad", "gap angle of a lobe, on the rotor at phase 0", default=0.0,
+                                example=(30, "deg"))
 
     def bulge(self) -> Bulge:
         """The shape as the law takes it."""
@@ -185,30 +125,6 @@ def gap_law(stiffness: float, gap: float, poles: Poles | None,
         return poles.closed(stiffness, gap)
     stator, rotor = (tuple(s.bulge() for s in shapes if s.of == side) for side in SIDES)
     return shaped_law(stiffness, gap, stator, rotor, poles.waves() if poles else ())
-
-
-def check_gap(gap: float, *, linear: bool, poles: Poles | None,
-              shapes: tuple[GapShape, ...]) -> None:
-    """Say in a sentence which parts do not go together in one air gap (gap: g0, m; inf where there
-    is none).
-    """
-    what = "poles" if poles else "shapes"
-    if math.isinf(gap) and (poles or shapes):
-        raise BadInput(f"{what} needs an air gap; add [air_gap].")
-    if linear and (poles or shapes):
-        raise BadInput("air_gap.linear is true, which is the pull of design tools in a round gap; "
-                       f"leave out {what} or air_gap.linear.")
-    if poles and shapes and poles.series != "whole":
-        raise BadInput(f"poles.series is {shown(poles.series)}, a series for a round gap, and "
-                       f"shapes has {len(shapes)} entries; leave out poles.series or the shapes.")
-    names = [shape.name for shape in shapes]
-    for shape in shapes:
-        if names.count(shape.name) > 1:
-            raise BadInput(f"shapes: the name {shape.name!r} is used twice; names must differ.")
-    total = sum(abs(shape.size) for shape in shapes)
-    if total >= gap:
-        raise BadInput(f"shapes add up to {total:g} m; together they must be smaller than "
-                       f"air_gap.gap, {gap:g} m.")
 
 
 COLUMNS = {"angle": {"deg": math.pi / 180, "rad": 1.0},

@@ -17,16 +17,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
-from hydrolab.machine.bearings import Crack
 from hydrolab.machine.elements import shaft_element
 from hydrolab.machine.gap_shape import gap_law
-from hydrolab.machine.parts import Machine, RigidBody
 from hydrolab.machine.pull import (
     CircularPull,
     ForceLaw,
@@ -36,6 +35,10 @@ from hydrolab.machine.pull import (
     TangentialPull,
     TiltedPull,
 )
+
+if TYPE_CHECKING:
+    from hydrolab.machine.crack import Crack
+    from hydrolab.machine.parts import Machine, RigidBody
 
 # relative difference below which two frequencies are the pair of an isotropic rotor
 DISTINCT = 1e-6

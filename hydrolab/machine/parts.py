@@ -1,41 +1,74 @@
-"""The generator's air gap: frozen, validated on construction, in SI units.
-
-The parts of a machine: frozen, validated on construction, in SI units.
+"""The parts of a machine and the machine: frozen, checked when they are made, in SI units.
 
 Axes (Villa, Carvalho and Salomon, section 2): the rotor axis y points down from the shaft top,
 the transverse plane is (x, z), the spin is positive from z to x. A part that cannot exist is
-refused with a sentence that names the key, its value and what is allowed.
+refused with a sentence that names the key, its value and what is allowed; a machine is also refused
+where its numbers cannot belong to one machine.
 """
 
 from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
-from typing import Any
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.bearings import (
-    Crack,
+    Bearing,
     JournalFilm,
     PadBearing,
     RadialBearing,
-    RayleighDamping,
     ThrustBearing,
 )
-from hydrolab.machine.gap_shape import GapShape, Poles, check_gap
-from hydrolab.machine.quantities import SI_UNITS, Entry, nickname, number, quantity, shown, vector
+from hydrolab.machine.crack import Crack
+from hydrolab.machine.gap_shape import GapShape
+from hydrolab.machine.model import assemble
+from hydrolab.machine.pole_pairs import Poles
+from hydrolab.machine.quantities import (
+    Choice,
+    Entry,
+    Fault,
+    Flag,
+    Number,
+    Numbers,
+    Pair,
+    Part,
+    PerElement,
+    Prose,
+    Text,
+    Whole,
+    declare,
+    dotted,
+    frozen,
+    nickname,
+    number,
+    number_field,
+    numbers_of,
+    quantity,
+    shown,
+    simplest,
+)
+
+if TYPE_CHECKING:
+    from hydrolab.machine.model import Model
 
 MU_0 = 4e-7 * math.pi  # permeability of vacuum as the paper's Table 1 states it, H/m
+# Limits that no real machine comes near; beyond them a number stands in the wrong unit.
+LARGEST_ROTOR = 20.0  # m, radius of gyration; the largest rotors have a radius of 11 m
+BEYOND_GAP = 2  # radius of gyration of the generator, over the radius of its air gap
+LONG = 5  # thickness of a shaft, or distance of a body from it, over its length
+LOOSE = 0.1  # clearance of pads over the diameter of the shaft
+WIDE = 5  # radius of a journal over the diameter of the shaft
 
 
 @dataclass(frozen=True)
-class AirGap:
+class AirGap(Part):
     """The generator's air gap (Villa et al., Table 1).
 
     body: the name of the rigid body inside it. field: unperturbed flux density B0, T (rms).
@@ -46,29 +79,26 @@ class AirGap:
     the pull along it; above 0 it drives forward whirl (`TangentialPull`).
     """
 
-    body: str
-    field: float
-    mean_radius: float
-    length: float
-    gap: float
-    tilt: bool = False
-    linear: bool = False
-    tangential: float = 0.0
+    table = "air_gap"
+    body: str = declare(Text("the name of the body inside it", "generator"))
+    field: float = number_field("T", "flux density B0 of the centred rotor, rms", least=0, most=100,
+                                why="iron saturates near 2 T", example=(0.5, "T"))
+    mean_radius: float = number_field("m", "mean radius u0 of the gap", above=0, example=(3, "m"))
+    length: float = number_field("m", "length l0 of the iron along the axis", above=0,
+                                 example=(0.97, "m"))
+    gap: float = number_field("m", "nominal gap g0", above=0, example=(11, "mm"))
+    tilt: bool = declare(Flag("whether the pull feels the rotor lean", True), False)
+    linear: bool = declare(Flag("whether the pull is a negative stiffness at any eccentricity",
+                                True), False)
+    tangential: float = number_field("1", "pull across the eccentricity, over the pull along it; "
+                                     "above 0 it drives forward whirl", default=0.0,
+                                     example=(0.5, "%"))
 
-    def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "field", number("air_gap.field", self.field, least=0, unit="T"))
-        put(self, "mean_radius", number("air_gap.mean_radius", self.mean_radius, above=0, unit="m"))
-        put(self, "length", number("air_gap.length", self.length, above=0, unit="m"))
-        put(self, "gap", number("air_gap.gap", self.gap, above=0, unit="m"))
+    def disagreements(self) -> Iterator[Fault]:
+        """A gap is narrow."""
         if self.gap >= self.mean_radius:
-            raise BadInput(f"air_gap.gap is {self.gap:g} m; it must be smaller than "
-                           f"air_gap.mean_radius, {self.mean_radius:g} m.")
-        put(self, "tangential", number("air_gap.tangential", self.tangential))
-        for name in ("tilt", "linear"):
-            if not isinstance(getattr(self, name), bool):
-                raise BadInput(f"air_gap.{name} is {shown(getattr(self, name))}; it must be true "
-                               "or false.")
+            yield "gap", (f"is {self.gap:g} m; it must be smaller than air_gap.mean_radius, "
+                          f"{self.mean_radius:g} m.")
 
     @property
     def pull_stiffness(self) -> float:
@@ -76,11 +106,8 @@ class AirGap:
         return math.pi * self.field**2 * self.mean_radius * self.length / (MU_0 * self.gap)
 
 
-ELEMENTS = ("lalanne-ferraris", "timoshenko")
-
-
 @dataclass(frozen=True, eq=False)
-class Shaft:
+class Shaft(Part):
     """A straight shaft of round section, divided into beam elements.
 
     nodes: depths y of the nodes, m, ascending from the shaft top at 0; shape (elements + 1,).
@@ -91,59 +118,53 @@ class Shaft:
     "timoshenko" (consistent).
     """
 
-    nodes: NDArray
-    diameter: NDArray
-    young: float
-    density: float
-    poisson: float = 0.3
-    shear_coefficient: float = 0.9
-    element: str = "lalanne-ferraris"
-    inner_diameter: NDArray | float = 0.0
+    table = "shaft"
+    nodes: NDArray = number_field("m", "depths of the nodes, from the shaft top at 0",
+                                  holds=Numbers, example=([0, 1, 5, 9], "m"))
+    diameter: NDArray = number_field("m", "diameter, one or one an element", holds=PerElement,
+                                     above=0, example=(710, "mm"))
+    young: float = number_field("Pa", "Young's modulus", above=0, example=(200, "GPa"))
+    density: float = number_field("kg/m^3", "density", least=0, example=(7850, "kg/m^3"))
+    poisson: float = number_field("1", "Poisson's ratio", above=-1, below=0.5, default=0.3,
+                                  stated=True, example=(0.3, "1"))
+    shear_coefficient: float = number_field("1", "share of the section that carries shear",
+                                            above=0, most=1, default=0.9, stated=True,
+                                            example=(0.9, "1"))
+    element: str = declare(Choice("the beam element", "lalanne-ferraris", stated=True,
+                                  options=("lalanne-ferraris", "timoshenko")), "lalanne-ferraris")
+    inner_diameter: NDArray | float = number_field("m", "diameter of the bore, one or one an "
+                                                   "element", holds=PerElement, least=0,
+                                                   default=0.0, example=(200, "mm"))
 
     def __post_init__(self) -> None:
-        nodes = vector("shaft.nodes", self.nodes, unit="m")
+        super().__post_init__()
+        for name in ("diameter", "inner_diameter"):
+            each = np.full(len(self.nodes) - 1, getattr(self, name))
+            object.__setattr__(self, name, frozen(each))
+
+    def disagreements(self) -> Iterator[Fault]:
+        """Nodes descend along the shaft, and a bore leaves some of it."""
+        nodes, elements, whole = self.nodes, len(self.nodes) - 1, True
         if len(nodes) < 2:
-            raise BadInput(f"shaft.nodes has {len(nodes)} entries; a shaft needs at least 2 nodes.")
+            yield "nodes", f"has {len(nodes)} entries; a shaft needs at least 2 nodes."
+            return
         if nodes[0] != 0:
-            raise BadInput(f"shaft.nodes starts at {nodes[0]:g} m; the first node is the shaft "
-                           "top, 0 m.")
+            yield "nodes", f"starts at {nodes[0]:g} m; the first node is the shaft top, 0 m."
         if (np.diff(nodes) <= 0).any():
             at = int(np.argmin(np.diff(nodes)))
-            raise BadInput(f"shaft.nodes goes from {nodes[at]:g} m to {nodes[at + 1]:g} m; "
-                           "the depths must ascend.")
-        outer = self._per_element("shaft.diameter", self.diameter, len(nodes) - 1, above=0.0)
-        inner = self._per_element("shaft.inner_diameter", self.inner_diameter, len(nodes) - 1,
-                                  least=0.0)
-        if (inner >= outer).any():
-            at = int(np.argmax(inner >= outer))
-            raise BadInput(f"shaft.inner_diameter is {inner[at]:g} m; it must be smaller than "
-                           f"shaft.diameter, {outer[at]:g} m.")
-        put = object.__setattr__
-        put(self, "nodes", nodes)
-        put(self, "diameter", outer)
-        put(self, "inner_diameter", inner)
-        put(self, "young", number("shaft.young", self.young, above=0, unit="Pa"))
-        put(self, "density", number("shaft.density", self.density, least=0, unit="kg/m^3"))
-        put(self, "poisson", number("shaft.poisson", self.poisson, above=-1, below=0.5))
-        put(self, "shear_coefficient",
-            number("shaft.shear_coefficient", self.shear_coefficient, above=0))
-        if self.shear_coefficient > 1:
-            raise BadInput(f"shaft.shear_coefficient is {self.shear_coefficient:g}; it is the "
-                           "share of the section "
-                           "that carries shear, so it must be at most 1.")
-        if self.element not in ELEMENTS:
-            raise BadInput(f"shaft.element is {shown(self.element)}; it must be one of "
-                           f"{', '.join(ELEMENTS)}.")
-
-    @staticmethod
-    def _per_element(key: str, value: ArrayLike, elements: int, **limits: float) -> NDArray:
-        if not np.iterable(value) or isinstance(value, (str, Mapping)):
-            value = [number(key, value, unit="m", **limits)] * elements
-        array = vector(key, value, unit="m", **limits)
-        if len(array) != elements:
-            raise BadInput(f"{key} has {len(array)} entries; give one number or one per element, "
-                           f"{elements}.")
-        return array
+            yield "nodes", (f"goes from {nodes[at]:g} m to {nodes[at + 1]:g} m; the depths must "
+                            "ascend.")
+        for name in ("diameter", "inner_diameter"):
+            if (given := np.size(getattr(self, name))) not in (1, elements) or (
+                    np.ndim(getattr(self, name)) and given != elements):
+                whole = False
+                yield name, (f"has {given} entries; give one number or one per element, "
+                             f"{elements}.")
+        if whole and (closed := np.full(elements, self.inner_diameter) >= self.diameter).any():
+            at = int(np.argmax(closed))
+            outer, inner = (np.full(elements, d)[at] for d in (self.diameter, self.inner_diameter))
+            yield "inner_diameter", (f"is {inner:g} m; it must be smaller than shaft.diameter, "
+                                     f"{outer:g} m.")
 
     @property
     def length(self) -> float:
@@ -162,7 +183,7 @@ class Shaft:
 
 
 @dataclass(frozen=True)
-class RigidBody:
+class RigidBody(Part):
     """A rigid body of revolution, held by a massless rigid link of length |offset| to a shaft node.
 
     offset: position of its centre below the node, m (negative: above).
@@ -171,31 +192,54 @@ class RigidBody:
     U Ω² (sin(Ωt + ψ), cos(Ωt + ψ)) in (x, z).
     """
 
-    name: str
-    node: int
-    mass: float
-    Id: float
-    Ip: float
-    offset: float = 0.0
-    unbalance: float = 0.0
-    phase: float = 0.0
+    table = "bodies"
+    noun = "a body"
+    name: str = declare(Text("what the body is called", "generator"))
+    node: int = declare(Whole("the node it hangs on, from 0 at the shaft top", 0))
+    mass: float = number_field("kg", "mass", above=0, example=(119, "t"))
+    Id: float = number_field("kg m^2", "moment of inertia about a diameter", least=0, default=0.0,
+                             stated=True, example=(240, "t m^2"))
+    Ip: float = number_field("kg m^2", "moment of inertia about the axis", least=0, default=0.0,
+                             stated=True, example=(383, "t m^2"))
+    offset: float = number_field("m", "position of its centre below the node", default=0.0,
+                                 example=(-472, "mm"))
+    unbalance: float = number_field("kg m", "mass times eccentricity", least=0, default=0.0,
+                                    example=(84, "kg m"))
+    phase: float = number_field("rad", "angle of the unbalance", default=0.0, example=(90, "deg"))
 
-    def __post_init__(self) -> None:
-        key = f"bodies.{nickname('the name of a body', self.name)}"
-        put = object.__setattr__
-        put(self, "mass", number(f"{key}.mass", self.mass, above=0, unit="kg"))
-        put(self, "Id", number(f"{key}.Id", self.Id, least=0, unit="kg m^2"))
-        put(self, "Ip", number(f"{key}.Ip", self.Ip, least=0, unit="kg m^2"))
-        put(self, "offset", number(f"{key}.offset", self.offset, unit="m"))
-        put(self, "unbalance", number(f"{key}.unbalance", self.unbalance, least=0, unit="kg m"))
-        put(self, "phase", number(f"{key}.phase", self.phase, unit="rad"))
+    def disagreements(self) -> Iterator[Fault]:
+        """Ip is at most twice Id, and the mass centre of a rotor lies inside it."""
         if self.Ip > 2 * self.Id * (1 + 1e-9):
-            raise BadInput(f"{key}.Ip is {self.Ip:g} kg m^2; no rigid body has Ip above 2 Id, "
-                           f"here {2 * self.Id:g} kg m^2.")
+            yield "Ip", (f"is {self.Ip:g} kg m^2; no rigid body has Ip above 2 Id, here "
+                         f"{2 * self.Id:g} kg m^2.")
+        if self.gyration > LARGEST_ROTOR:
+            yield "mass", (f"is {self.mass:g} kg and {self.key}.Ip {self.Ip:g} kg m^2, a radius of "
+                           f"gyration of {self.gyration:.3g} m; no rotor has more than "
+                           f"{LARGEST_ROTOR:g} m, so one of them is in another unit.")
+        if 0 < self.gyration < self.unbalance / self.mass:
+            yield "unbalance", (f"is {self.unbalance:g} kg m, {self.unbalance / self.mass:.3g} m "
+                                f"times the mass; that must be less than the radius of gyration, "
+                                f"{self.gyration:.3g} m.")
+
+    @property
+    def gyration(self) -> float:
+        """Radius of gyration about the axis, √(Ip/m), m."""
+        return math.sqrt(self.Ip / self.mass)
+
+
+@dataclass(frozen=True)
+class RayleighDamping(Part):
+    """C = αM + βK with the given damping ratios in the first and the second distinct mode at rest.
+    """
+
+    table = "damping"
+    ratio: tuple[float, float] = number_field("1", "damping ratios of the first and the second "
+                                              "distinct mode at rest, one or two", holds=Pair,
+                                              least=0, below=1, example=(1, "%"))
 
 
 @dataclass(frozen=True, eq=False)
-class Machine:
+class Machine(Part):
     """A machine as its card describes it; `model()` turns it into matrices and a force law.
 
     speed: rated speed, rad/s. shaft: None for a point mass on springs (one node, which translates).
@@ -203,19 +247,22 @@ class Machine:
     poles, shapes: what makes the field or the gap other than constant and round.
     provenance: for each number of the card, by its dotted key ("bodies.generator.mass"), what the
     card says; print the machine to see them. about: what the card says of itself.
+
+    Raises BadInput with every fault, a sentence a line, where its numbers cannot belong together.
     """
 
-    name: str
-    speed: float
-    shaft: Shaft | None
-    bodies: tuple[RigidBody, ...]
+    noun = "the machine"
+    name: str = declare(Text("what the machine is called", "my unit"))
+    speed: float = number_field("rad/s", "rated speed", least=0, example=(150, "rpm"))
+    shaft: Shaft | None = None
+    bodies: tuple[RigidBody, ...] = ()
     bearings: tuple[RadialBearing, ...] = ()
     thrust_bearings: tuple[ThrustBearing, ...] = ()
     damping: RayleighDamping | None = None
     air_gap: AirGap | None = None
-    title: str = ""
+    title: str = declare(Prose("one line about it", "A Kaplan unit"), "")
     provenance: Mapping[str, Entry] = field(default_factory=dict)
-    about: str = ""
+    about: str = declare(Prose("a paragraph about it", "Where its numbers come from."), "")
     pad_bearings: tuple[PadBearing, ...] = ()
     films: tuple[JournalFilm, ...] = ()
     cracks: tuple[Crack, ...] = ()
@@ -224,66 +271,127 @@ class Machine:
 
     def __post_init__(self) -> None:
         nickname("name", self.name)
-        object.__setattr__(self, "speed", number("speed", self.speed, least=0, unit="rad/s"))
-        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
-        parts = [("bodies", b) for b in self.bodies]
-        parts += [("bearings", b) for b in self.all_bearings]
-        names = [part.name for _, part in parts]
-        for kind, part in parts:
-            node = part.node
-            if isinstance(node, bool) or not isinstance(node, (int, np.integer)):
-                raise BadInput(f"{kind}.{part.name}.node is {shown(node)}; it must be a whole "
-                               "number.")
-            if not 0 <= node < self.nodes:
-                allowed = f"the nodes are 0 to {self.nodes - 1}" if self.shaft else "without a shaft the only node is 0"
-                raise BadInput(f"{kind}.{part.name}.node is {shown(node)}, off the shaft; "
-                               f"{allowed}.")
-            if names.count(part.name) > 1:
-                raise BadInput(f"{kind}: the name {part.name!r} is used twice; names must differ.")
-        for crack in self.cracks:
-            self._check_crack(crack)
-        if not self.bodies and self.shaft is None:
-            raise BadInput("bodies is empty; a machine without a shaft needs a body.")
-        if self.shaft is None:
-            self._check_point_mass()
-        if self.air_gap and self.air_gap.body not in [b.name for b in self.bodies]:
-            names = ", ".join(b.name for b in self.bodies) or "there is none"
-            raise BadInput(f"air_gap.body is {shown(self.air_gap.body)}; it must be the name of a "
-                           f"body: {names}.")
-        air = self.air_gap
-        check_gap(air.gap if air else math.inf, linear=bool(air and air.linear), poles=self.poles,
-                  shapes=self.shapes)
-
-    def _check_point_mass(self) -> None:
-        for body in self.bodies:
-            if body.offset:
-                raise BadInput(f"bodies.{body.name}.offset is {body.offset:g} m; "
-                               "without a shaft nothing tilts, so it must be 0.")
-        if self.thrust_bearings:
-            raise BadInput(f"bearings.{self.thrust_bearings[0].name}.tilt_stiffness has no meaning "
-                           "without a shaft.")
-        if self.damping:
-            raise BadInput("damping.ratio needs two distinct modes; without a shaft there is one, "
-                           "so give the bearing a damping instead.")
-        if self.air_gap and self.air_gap.tilt:
-            raise BadInput("air_gap.tilt is true, but without a shaft nothing tilts; leave it out.")
-
-    def _check_crack(self, crack: Crack) -> None:
-        key = f"cracks.{crack.name}"
-        if self.shaft is None:
-            raise BadInput(f"{key} has no shaft to be in; a machine without a shaft has no cracks.")
-        if crack.element >= self.nodes - 1:
-            raise BadInput(f"{key}.element is {crack.element}; the shaft's elements are 0 to "
-                           f"{self.nodes - 2}.")
-        if self.shaft.inner_diameter[crack.element]:
-            raise BadInput(f"{key}.element is {crack.element}, which is hollow; the crack's "
-                           "flexibility is that of a solid "
-                           "shaft.")
-        if [c.name for c in self.cracks].count(crack.name) > 1:
-            raise BadInput(f"cracks: the name {crack.name!r} is used twice; names must differ.")
+        object.__setattr__(self, "provenance", dict(self.provenance))
+        super().__post_init__()
 
     @property
-    def all_bearings(self) -> tuple[RadialBearing | ThrustBearing | PadBearing | JournalFilm, ...]:
+    def key(self) -> str:
+        """Nothing: the keys of its own numbers stand alone."""
+        return ""
+
+    def disagreements(self) -> Iterator[Fault]:
+        """What does not go together in this machine, by the keys of its numbers."""
+        bent = self._bent() if self.shaft is None else ()
+        yield from [*self._misplaced(), *bent, *self._clashes()] or self._sizes()
+
+    def _misplaced(self) -> Iterator[Fault]:
+        """Names used twice, parts off the shaft."""
+        placed = (*self.bodies, *self.all_bearings)
+        for group in (placed, self.cracks, self.shapes):
+            names = Counter(part.name for part in group)
+            for part in group:
+                if names[part.name] > 1:
+                    yield f"{part.key}.name", (f"is not its own: the name {part.name!r} is used "
+                                               "twice; names must differ.")
+        for part in placed:
+            if part.node >= self.nodes:
+                allowed = (f"the nodes are 0 to {self.nodes - 1}" if self.shaft
+                           else "without a shaft the only node is 0")
+                yield f"{part.key}.node", f"is {shown(part.node)}, off the shaft; {allowed}."
+        for crack in self.cracks if self.shaft else ():
+            if crack.element >= self.nodes - 1:
+                yield f"{crack.key}.element", (f"is {crack.element}; the shaft's elements are 0 to "
+                                               f"{self.nodes - 2}.")
+            elif self.shaft.inner_diameter[crack.element]:
+                yield f"{crack.key}.element", (f"is {crack.element}, which is hollow; the crack's "
+                                               "flexibility is that of a solid shaft.")
+
+    def _bent(self) -> Iterator[Fault]:
+        """What a machine without a shaft cannot have."""
+        if not self.bodies:
+            yield "bodies", "is empty; a machine without a shaft needs a body."
+        for body in self.bodies:
+            if body.offset:
+                yield f"{body.key}.offset", (f"is {body.offset:g} m; without a shaft nothing "
+                                             "tilts, so it must be 0.")
+        for bearing in self.thrust_bearings:
+            yield f"{bearing.key}.tilt_stiffness", "has no meaning without a shaft."
+        for crack in self.cracks:
+            yield crack.key, "has no shaft to be in; a machine without a shaft has no cracks."
+        if self.damping:
+            yield "damping.ratio", ("needs two distinct modes; without a shaft there is one, so "
+                                    "give the bearing a damping instead.")
+        if self.air_gap and self.air_gap.tilt:
+            yield "air_gap.tilt", "is true, but without a shaft nothing tilts; leave it out."
+
+    def _clashes(self) -> Iterator[Fault]:
+        """What does not go together in the air gap."""
+        air, poles, shapes = self.air_gap, self.poles, self.shapes
+        if air is None:
+            if poles or shapes:
+                yield "poles" if poles else "shapes", "needs an air gap; add [air_gap]."
+            return
+        names = [body.name for body in self.bodies]
+        if air.body not in names:
+            yield "air_gap.body", (f"is {shown(air.body)}; it must be the name of a body: "
+                                   f"{', '.join(names) or 'there is none'}.")
+        if poles and shapes and poles.series != "whole":
+            yield "poles.series", (f"is {shown(poles.series)}, a series for a round gap, and "
+                                   f"shapes has {len(shapes)} entries; leave out poles.series or "
+                                   "the shapes.")
+        if air.linear and (poles or shapes):
+            yield "air_gap.linear", ("is true, which is the pull of design tools in a round gap; "
+                                     f"leave out {'poles' if poles else 'shapes'} or "
+                                     "air_gap.linear.")
+        total = sum(abs(shape.size) for shape in shapes)
+        if total >= air.gap:
+            yield "shapes", (f"add up to {total:g} m; together they must be smaller than "
+                             f"air_gap.gap, {air.gap:g} m.")
+
+    def _sizes(self) -> Iterator[Fault]:
+        """Sizes that cannot belong to one machine: one of the two is in another unit."""
+        air, shaft = self.air_gap, self.shaft
+        if air:
+            rotor = self.body(air.body)
+            if rotor.gyration > BEYOND_GAP * air.mean_radius:
+                yield f"{rotor.key}.mass", (
+                    f"is {rotor.mass:g} kg and {rotor.key}.Ip {rotor.Ip:g} kg m^2, a radius of "
+                    f"gyration of {rotor.gyration:.3g} m; the rotor turns within "
+                    f"air_gap.mean_radius, {air.mean_radius:g} m, so one of them is in another "
+                    "unit.")
+            if (eccentricity := rotor.unbalance / rotor.mass) >= air.gap:
+                yield f"{rotor.key}.unbalance", (
+                    f"is {rotor.unbalance:g} kg m, {eccentricity:.3g} m times the mass; that must "
+                    f"be less than air_gap.gap, {air.gap:g} m.")
+        if shaft:
+            if shaft.diameter.max() > LONG * shaft.length:
+                yield "shaft.diameter", (f"is {shaft.diameter.max():g} m; the shaft is "
+                                         f"{shaft.length:g} m long and may be at most {LONG} times "
+                                         "as thick.")
+            for body in self.bodies:
+                if abs(body.offset) > LONG * shaft.length:
+                    yield f"{body.key}.offset", (f"is {body.offset:g} m; the shaft is "
+                                                 f"{shaft.length:g} m long and a body may be at "
+                                                 f"most {LONG} times that from its node.")
+        for pads in self.pad_bearings:
+            known = shaft or air
+            room, what = ((LOOSE * self._thickness(pads.node), "a tenth of shaft.diameter there")
+                          if shaft else (air.gap, "air_gap.gap") if air else (math.inf, ""))
+            if known and abs(pads.clearance) > room:
+                yield f"{pads.key}.clearance", (f"is {pads.clearance:g} m; it must be at most "
+                                                f"{what}, {room:g} m.")
+        for film in self.films if shaft else ():
+            if film.journal_radius > WIDE * self._thickness(film.node):
+                yield f"{film.key}.journal_radius", (
+                    f"is {film.journal_radius:g} m; it must be at most {WIDE} times shaft.diameter "
+                    f"there, {self._thickness(film.node):g} m.")
+
+    def _thickness(self, node: int) -> float:
+        """Diameter of the shaft at a node, the thicker of its two elements, m."""
+        return float(self.shaft.diameter[max(node - 1, 0):node + 1].max())
+
+    @property
+    def all_bearings(self) -> tuple[Bearing, ...]:
         """Every bearing: radial, thrust, of pads, with a film."""
         return (*self.bearings, *self.thrust_bearings, *self.pad_bearings, *self.films)
 
@@ -303,37 +411,80 @@ class Machine:
         raise BadInput(f"no body is called {name!r}; there are "
                        f"{', '.join(b.name for b in self.bodies)}.")
 
-    def model(self):
-        """The machine's matrices, pull and unbalance: a `hydrolab.machine.model.Model`."""
-        from hydrolab.machine.model import assemble
+    def model(self) -> Model:
+        """The machine's matrices, pull and unbalance."""
         return assemble(self)
+
+    # Its numbers
+
+    def parts(self) -> list[Part]:
+        """The machine itself and its parts, in the order in which they are printed."""
+        parts = (self, self.shaft, *self.bodies, *self.all_bearings, *self.cracks, self.poles,
+                 *self.shapes, self.damping, self.air_gap)
+        return [part for part in parts if part is not None]
+
+    def _owners(self) -> dict[str, tuple[Part, str]]:
+        """The part and the field of each number, by its key."""
+        return {dotted(part.key, name): (part, name)
+                for part in self.parts() for name in numbers_of(type(part))}
 
     def numbers(self) -> dict[str, Any]:
         """Every number of the machine by its dotted key, in SI units, as the parts hold it."""
-        groups = {"": self, "shaft.": self.shaft, **{f"bodies.{b.name}.": b for b in self.bodies},
-                  **{f"bearings.{b.name}.": b for b in self.all_bearings},
-                  **{f"cracks.{c.name}.": c for c in self.cracks},
-                  "poles.": self.poles, **{f"shapes.{s.name}.": s for s in self.shapes},
-                  "damping.": self.damping, "air_gap.": self.air_gap}
-        return {f"{prefix}{name}": getattr(part, name) for prefix, part in groups.items()
-                if part is not None
-                for name in part.__dataclass_fields__ if name in SI_UNITS
-                and (prefix or name == "speed")}
+        return {key: getattr(part, name) for key, (part, name) in self._owners().items()}
+
+    def _owner(self, key: str) -> tuple[Part, str]:
+        """The part and the field of a number, by its key or its short form "field"."""
+        owners, key = self._owners(), "air_gap.field" if key == "field" else key
+        if isinstance(key, str) and key in owners:
+            return owners[key]
+        for part in self.parts()[1:]:
+            if isinstance(key, str) and key.rpartition(".")[0] == part.key:
+                raise BadInput(f"{key!r} is not a number; this part has "
+                               f"{', '.join(numbers_of(type(part)))}.")
+        raise BadInput(f"{shown(key)} is not a number of {self.name}; there are "
+                       f"{', '.join((*owners, 'unbalance'))}.")
+
+    def number(self, key: str) -> tuple[float, str]:
+        """The value of a number of the machine and its SI unit, by its dotted key.
+
+        An isotropic bearing and a uniform shaft count as one number. Raises BadInput for a key that
+        the machine does not have, and for a number that is a list or a matrix.
+        """
+        part, name = self._owner(key)
+        value, unit = simplest(getattr(part, name)), numbers_of(type(part))[name].unit
+        if np.ndim(value):
+            raise BadInput(f"{key} is {quantity(value, unit)}; it must be one number here.")
+        return float(value), unit
+
+    def with_numbers(self, changes: Mapping[str, Any]) -> Machine:
+        """The machine with these numbers in place of its own; see `hydrolab.machine.vary`."""
+        new: dict[str, dict[str, Any]] = {}
+        for key, value in changes.items():
+            if key == "unbalance":
+                ratio = number("unbalance", value, least=0)
+                for body in self.bodies:
+                    own = new.setdefault(body.key, {})
+                    own[key] = ratio * own.get(key, body.unbalance)
+            else:
+                part, name = self._owner(key)
+                new.setdefault(part.key, {})[name] = value
+
+        def renewed(part: Any) -> Any:
+            return replace(part, **new[part.key]) if part.key in new else part
+
+        # all at once, so that numbers which must agree can change together
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        parts = {name: renewed(value) if isinstance(value, Part) else tuple(map(renewed, value))
+                 for name, value in values.items() if isinstance(value, (Part, tuple))}
+        return replace(self, **parts, **new.get("", {})) if changes else self
 
     def __str__(self) -> str:
-        rows = []
-        for key, value in self.numbers().items():
-            entry = self.provenance.get(key)
-            if entry is not None and np.array_equal(entry.si, value):
-                rows.append((key, entry.quantity, entry.source, entry.note))
-            elif entry is not None or np.any(value):  # a zero nobody stated says nothing
-                now = quantity(_simplest(value), SI_UNITS[key.rpartition(".")[2]])
-                rows.append((key, now, "changed", f"the card says {entry.quantity}") if entry
-                            else (key, now, "", ""))
+        rows = [row for key, (part, name) in self._owners().items()
+                if (row := _row(key, getattr(part, name), numbers_of(type(part))[name],
+                                self.provenance.get(key)))]
         wide = max(len(key) for key, *_ in rows)
         lines = [f"{self.name}: {self.title}" if self.title else self.name]
-        lines += textwrap.wrap(" ".join(self.about.split()), 110, initial_indent="  ",
-                               subsequent_indent="  ")
+        lines += textwrap.wrap(self.about, 110, initial_indent="  ", subsequent_indent="  ")
         for key, now, source, note in rows:
             start = f"  {key:<{wide}}  {now:<18}  {source:<10}  "
             if len(now) > 18:
@@ -344,9 +495,13 @@ class Machine:
         return "\n".join(line.rstrip() for line in lines)
 
 
-def _simplest(value: Any) -> Any:
-    """One number for an isotropic bearing or a uniform shaft, the value itself otherwise."""
-    array = np.asarray(value)
-    if array.shape == (2, 2) and np.array_equal(array, array[0, 0] * np.eye(2)):
-        return array[0, 0]
-    return array.flat[0] if array.ndim == 1 and (array == array[0]).all() else value
+def _row(key: str, value: Any, what: Number, entry: Entry | None) -> Sequence[str]:
+    """Key, quantity, source and note of a number as it is printed; nothing for a zero that nobody
+    stated.
+    """
+    if entry is not None and np.array_equal(entry.si, value):
+        return key, entry.quantity, entry.source, entry.note
+    if entry is None and not np.any(value):
+        return ()
+    now = quantity(simplest(value), what.unit)
+    return (key, now, "changed", f"the card says {entry.quantity}") if entry else (key, now, "", "")

@@ -18,12 +18,14 @@ same series (`series_force`).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.machine.pull import ForceLaw, Linear
+from hydrolab.machine.pull import ForceLaw, Linear, Wave
+from hydrolab.machine.quantities import Choice, Fault, Part, Whole, declare, number_field
 
 # of the series to third order: a_n w² (1 + w)ⁿ as a polynomial in ρ²
 KEPT = {1: (1, 1, 1), 3: (2, 0, 0), 5: (1, 0, 0)}
@@ -117,6 +119,67 @@ class PolePairPull(ForceLaw):
         c, n = self.wave(phase), 2 * self.pole_pairs
         beat = (c.conj() ** 2 * zeta**n).real / (w * (1 + w) ** n)
         return -self.stiffness * self.gap**2 * (np.abs(c) ** 2 / w + beat)
+
+
+@dataclass(frozen=True)
+class Poles(Part):
+    """The poles of the field, whose pull beats with twice the electrical frequency (`PolePairPull`,
+    `ShapedPull`).
+
+    pole_pairs: p. electrical_ratio: electrical over mechanical angle; 0 stands for p, a synchronous
+    machine. pole_angle: electrical angle of the field's peak from z at phase 0, rad. backward,
+    backward_angle: the wave that turns backward where the phases are out of balance, over the
+    forward one, and its angle, rad. stator_mmf, load_angle: the stator's wave of magnetomotive
+    force over the rotor's, whose field is B0, and its electrical angle behind it, rad. series:
+    "whole", or "published" for the permeance cut at its third order.
+    """
+
+    table = "poles"
+    pole_pairs: int = declare(Whole("pole pairs of the field", 20, least=1, most=100,
+                                    why="leave out [poles] for a constant field"))
+    electrical_ratio: float = number_field("1", "electrical over mechanical angle; 0 stands for "
+                                           "pole_pairs, a synchronous machine", least=0,
+                                           default=0.0, example=(20, "1"))
+    pole_angle: float = number_field("rad", "electrical angle of the field's peak from z at phase "
+                                     "0", default=0.0, example=(90, "deg"))
+    backward: float = number_field("1", "wave that turns backward, over the forward one", least=0,
+                                   default=0.0, example=(5, "%"))
+    backward_angle: float = number_field("rad", "angle of the backward wave", default=0.0,
+                                         example=(0.4, "rad"))
+    stator_mmf: float = number_field("1", "wave of magnetomotive force of the stator, over the "
+                                     "rotor's", least=0, default=0.0, example=(80, "%"))
+    load_angle: float = number_field("rad", "electrical angle of the stator's wave behind the "
+                                     "rotor's", default=0.0, example=(60, "deg"))
+    series: str = declare(Choice("the whole permeance, or cut at its third order as published",
+                                 "whole", options=("whole", "published")), "whole")
+
+    def disagreements(self) -> Iterator[Fault]:
+        """The stator's wave goes without a cut series."""
+        if self.stator_mmf and self.series != "whole":
+            yield "stator_mmf", (f"is {self.stator_mmf:g}, which is taken by quadrature of the "
+                                 "whole gap; leave out series.")
+
+    @property
+    def ratio(self) -> float:
+        """Electrical over mechanical angle."""
+        return self.electrical_ratio or float(self.pole_pairs)
+
+    def waves(self) -> tuple[Wave, ...]:
+        """The waves of magnetomotive force: the rotor's, the stator's behind it, the backward one.
+        """
+        p, start, ratio = self.pole_pairs, self.pole_angle, self.ratio
+        waves = (Wave(p, 1.0, ratio, start),
+                 Wave(p, self.stator_mmf, ratio, start - self.load_angle),
+                 Wave(p, self.backward, -ratio, -start - self.backward_angle))
+        return tuple(wave for wave in waves if wave.share)
+
+    def closed(self, stiffness: float, gap: float) -> PolePairPull:
+        """The law of the field in a round gap in closed form, without a stator's wave.
+
+        stiffness: k, N/m. gap: g0, m.
+        """
+        return PolePairPull(stiffness, gap, self.pole_pairs, self.ratio, self.pole_angle,
+                            self.backward, self.backward_angle, self.series == "published")
 
 
 def series_force(pole_pairs: int, orders: int = 3):

@@ -1,14 +1,19 @@
-"""Checks of what a user gives, each with a sentence, and the record of where a card's number comes
-from.
+"""What a number of a part is, declared once: meaning, unit, limits and an example.
+
+A part is a frozen dataclass over `Part` whose fields say what they hold, one line a field:
+`mass: float = number_field("kg", "mass", above=0, example=(110, "t"))`. Checks, the tables of a
+card, its units, `vary`, what a machine prints and the page of all keys are read from that. Below
+are the checks themselves, each with a sentence, and the record of where a card's number comes from.
 """
 
 from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import MISSING, dataclass, field, fields
+from functools import cache
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,21 +21,270 @@ from numpy.typing import ArrayLike, NDArray
 from hydrolab.errors import BadInput
 
 SMALLEST, LARGEST = 1e-30, 1e30  # beyond these, powers of a number leave the range of floats
-SI_UNITS = {
-    "speed": "rad/s", "nodes": "m", "diameter": "m", "inner_diameter": "m", "young": "Pa",
-    "density": "kg/m^3",
-    "poisson": "1", "shear_coefficient": "1", "mass": "kg", "Id": "kg m^2", "Ip": "kg m^2",
-    "offset": "m",
-    "unbalance": "kg m", "phase": "rad", "stiffness": "N/m", "damping": "N s/m",
-    "tilt_stiffness": "N m/rad",
-    "ratio": "1", "field": "T", "mean_radius": "m", "length": "m", "gap": "m",
-    "pad_stiffness": "N/m", "clearance": "m", "angle": "rad", "rounding": "m",
-    "viscosity": "Pa s", "journal_radius": "m", "film_length": "m", "depth": "1",
-    "rounding_angle": "rad",
-    "electrical_ratio": "1", "pole_angle": "rad", "backward": "1", "backward_angle": "rad",
-    "stator_mmf": "1",
-    "load_angle": "rad", "size": "m", "tangential": "1",
-}  # every number of a part, by the name of its field
+TABLE = 1e3  # a matrix whose second column is larger by this is a table of speeds
+UNITS: dict[str, dict[str, tuple[float, float]]] = {
+    "m": {"m": (1, 1), "mm": (1, 1000), "µm": (1, 1_000_000)},
+    "kg": {"kg": (1, 1), "t": (1000, 1)},
+    "kg m": {"kg m": (1, 1), "kg mm": (1, 1000)},
+    "kg m^2": {"kg m^2": (1, 1), "t m^2": (1000, 1)},
+    "rad/s": {"rad/s": (1, 1), "rpm": (math.pi, 30)},
+    "rad": {"rad": (1, 1), "deg": (math.pi, 180)},
+    "Pa": {"Pa": (1, 1), "GPa": (1_000_000_000, 1)},
+    "1": {"1": (1, 1), "%": (1, 100)},
+}  # SI unit → accepted → (a, b), SI value = value · a / b; others are accepted in SI only
+
+Fault = tuple[str, str]  # the dotted key of what is wrong, and the sentence about it
+
+
+class BadParts(BadInput):
+    """Everything that is wrong with some parts, a sentence a line.
+
+    faults: for each the dotted key of the number, such as "bodies.generator.mass", and its
+    sentence.
+    """
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults = tuple(dict.fromkeys(faults))
+        super().__init__(self.faults)
+
+    def __str__(self) -> str:
+        return "\n".join(dict.fromkeys(sentence for _, sentence in self.faults))
+
+
+# What a field holds
+
+
+@dataclass(frozen=True)
+class Text:
+    """A field of one line of text, such as a name.
+
+    meaning: in words. example: as a card may state it. stated: whether a card must state it even
+    where the part has a default.
+    """
+
+    meaning: str
+    example: Any = ""
+    stated: bool = False
+
+    @property
+    def limits(self) -> str:
+        """What is allowed, in words."""
+        return "text of 1 to 80 characters"
+
+    def check(self, key: str, value: Any) -> Any:
+        """Return the value as the part holds it, or raise BadInput with a sentence on the key."""
+        return nickname(key, value)
+
+
+@dataclass(frozen=True)
+class Prose(Text):
+    """A field of free text, kept on one line."""
+
+    limits: ClassVar[str] = "text without control characters"
+
+    def check(self, key: str, value: Any) -> str:
+        # what is not printable could steer a terminal
+        if not isinstance(value, str) or not all(c.isprintable() or c.isspace() for c in value):
+            raise BadInput(f"{key} is {shown(value)}; it must be {self.limits}.")
+        return " ".join(value.split())
+
+
+@dataclass(frozen=True)
+class Choice(Text):
+    """A field that is one of a few words."""
+
+    options: tuple[str, ...] = ()
+
+    @property
+    def limits(self) -> str:
+        return ", ".join(self.options)
+
+    def check(self, key: str, value: Any) -> str:
+        if not isinstance(value, str) or value not in self.options:
+            raise BadInput(f"{key} is {shown(value)}; it must be one of {self.limits}.")
+        return value
+
+
+@dataclass(frozen=True)
+class Flag(Text):
+    """A field that is true or false."""
+
+    limits: ClassVar[str] = "true or false"
+
+    def check(self, key: str, value: Any) -> bool:
+        if not isinstance(value, bool):
+            raise BadInput(f"{key} is {shown(value)}; it must be true or false.")
+        return value
+
+
+@dataclass(frozen=True)
+class Whole(Text):
+    """A field that counts something, from least to most. why: the reason, in a few words."""
+
+    least: int = 0
+    most: float = math.inf
+    why: str = ""
+
+    @property
+    def limits(self) -> str:
+        return f"a whole number {_span(self.least, self.most)}"
+
+    def check(self, key: str, value: Any) -> int:
+        return whole(key, value, self.least, self.most, self.why)
+
+
+@dataclass(frozen=True)
+class Number(Text):
+    """A field that holds a number, in SI units; in a card it has a unit and a source.
+
+    unit: SI. above, below: limits that it may not reach; least, most: limits that it may.
+    why: the reason of the upper limit, in a few words.
+    """
+
+    unit: str = "1"
+    above: float = -math.inf
+    least: float = -math.inf
+    below: float = math.inf
+    most: float = math.inf
+    why: str = ""
+
+    @property
+    def units(self) -> dict[str, tuple[float, float]]:
+        """The units that a card may give, the first SI; see `UNITS`."""
+        return UNITS.get(self.unit, {self.unit: (1, 1)})
+
+    @property
+    def limits(self) -> str:
+        said = [f"{words} {quantity(limit, self.unit)}" for words, limit in (
+            ("above", self.above), ("at least", self.least), ("below", self.below),
+            ("at most", self.most)) if math.isfinite(limit)]
+        return ", ".join(said)
+
+    def check(self, key: str, value: Any) -> Any:
+        unit = "" if self.unit == "1" else self.unit
+        return number(key, value, above=self.above, least=self.least, below=self.below,
+                      most=self.most, unit=unit, why=self.why)
+
+
+class Numbers(Number):
+    """A field that holds a list of numbers."""
+
+    def check(self, key: str, value: Any) -> NDArray:
+        if isinstance(value, (str, Mapping)) or not np.iterable(value):
+            raise BadInput(f"{key} is {shown(value)}; it must be a list of numbers.")
+        return frozen(np.array([super(Numbers, self).check(f"{key}[{i}]", v)
+                                for i, v in enumerate(value)]))
+
+
+class PerElement(Numbers):
+    """A field that holds one number, or one for each element of the shaft."""
+
+    def check(self, key: str, value: Any) -> Any:
+        many = np.iterable(value) and not isinstance(value, (str, Mapping))
+        return (Numbers if many else Number).check(self, key, value)
+
+
+class Pair(Number):
+    """A field that holds two numbers; one stands for both."""
+
+    def check(self, key: str, value: Any) -> tuple[float, float]:
+        one = not np.iterable(value) or isinstance(value, (str, Mapping))
+        checked = [super(Pair, self).check(key, v) for v in ((value, value) if one else value)]
+        if len(checked) != 2:
+            raise BadInput(f"{key} has {len(checked)} entries; give one number or two.")
+        return checked[0], checked[1]
+
+
+class Matrix(Number):
+    """A field that holds a 2 × 2 matrix in (x, z); see `bearing_matrix`."""
+
+    def check(self, key: str, value: Any) -> NDArray:
+        return bearing_matrix(key, value, self.unit)
+
+
+def number_field(unit: str, meaning: str, *, default: Any = MISSING, holds: type[Number] = Number,
+                 **said: Any) -> Any:
+    """Declare a number of a part: a dataclass field.
+
+    unit: SI. meaning: in words. default: where a part may leave it out. holds: `Number` or another
+    form of it. said: the limits, the example and the other fields of `Number`.
+    """
+    return declare(holds(meaning, unit=unit, **said), default)
+
+
+def declare(what: Text, default: Any = MISSING) -> Any:
+    """Declare a field of a part: a dataclass field that says what it holds."""
+    return field(default=default, metadata={"holds": what})
+
+
+@cache
+def declared(kind: type[Part]) -> dict[str, Text]:
+    """What each declared field of a kind of part holds, by its name, in the order of the class."""
+    return {f.name: f.metadata["holds"] for f in fields(kind) if "holds" in f.metadata}
+
+
+def numbers_of(kind: type[Part]) -> dict[str, Number]:
+    """The declared fields that hold numbers."""
+    return {name: what for name, what in declared(kind).items() if isinstance(what, Number)}
+
+
+def dotted(key: str, name: str) -> str:
+    """The key of a field of the part with this key."""
+    return f"{key}.{name}" if key else name
+
+
+def checked(kind: type[Part], key: str, values: Mapping[str, Any]) -> tuple[dict, list[Fault]]:
+    """Return the values of declared fields as the part holds them, and the faults of the others."""
+    good: dict[str, Any] = {}
+    faults: list[Fault] = []
+    for name, value in values.items():
+        own = dotted(key, name)
+        try:
+            good[name] = declared(kind)[name].check(own, value)
+        except BadInput as error:
+            faults.append((own, str(error)))
+    return good, faults
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A part of a machine: a frozen dataclass whose declared fields are checked when it is made.
+
+    To add a number to a part, write one line with `number_field`. To add a kind of part, write a
+    dataclass over this class with its table and its noun; what its numbers must agree with goes
+    into `disagreements`.
+
+    table: the table of a card it is read from, and the beginning of its keys. noun: what a
+    sentence calls it.
+    """
+
+    table: ClassVar[str] = ""
+    noun: ClassVar[str] = "a part"
+
+    def __post_init__(self) -> None:
+        if "name" in declared(type(self)):
+            nickname(f"the name of {self.noun}", vars(self)["name"])
+        names = declared(type(self))
+        good, faults = checked(type(self), self.key, {n: getattr(self, n) for n in names})
+        for name, value in good.items():
+            object.__setattr__(self, name, value)
+        # numbers can be compared only where each is one
+        faults = faults or [(dotted(self.key, name), f"{dotted(self.key, name)} {what}")
+                            for name, what in self.disagreements()]
+        if faults:
+            raise BadParts(faults)
+
+    @property
+    def key(self) -> str:
+        """The beginning of the keys of its numbers: "bodies.generator" or "shaft"."""
+        return f"{self.table}.{vars(self)['name']}" if "name" in vars(self) else self.table
+
+    def disagreements(self) -> Iterator[Fault]:
+        """Yield which number does not go with another: its name, and the sentence after its key."""
+        yield from ()
+
+
+# Checks
 
 
 class _Short(reprlib.Repr):
@@ -50,16 +304,19 @@ def shown(value: Any) -> str:
 
 def nickname(key: str, value: Any) -> str:
     """Return a name if a sentence can carry it: one line of 1 to 80 printable characters."""
-    if not isinstance(value,
-                      str) or not value.strip() or not value.isprintable() or len(value) > 80:
+    if (not isinstance(value, str) or not value.strip() or not value.isprintable()
+            or len(value) > 80):
         raise BadInput(f"{key} is {shown(value)}; it must be text of 1 to 80 characters on one "
                        "line.")
     return value
 
 
 def number(key: str, value: Any, *, above: float = -math.inf, least: float = -math.inf,
-           below: float = math.inf, unit: str = "") -> float:
-    """Return value as a float, or say in a sentence why it is not allowed for this key."""
+           below: float = math.inf, most: float = math.inf, unit: str = "", why: str = "") -> float:
+    """Return value as a float, or say in a sentence why it is not allowed for this key.
+
+    above, below: limits it may not reach; least, most: limits it may. why: reason of the upper one.
+    """
     unit = f" {unit}" if unit else ""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise BadInput(f"{key} is {shown(value)}; it must be a "
@@ -70,24 +327,28 @@ def number(key: str, value: Any, *, above: float = -math.inf, least: float = -ma
         raise BadInput(f"{key} is {shown(value)}{unit}; its size must lie between {SMALLEST:g} and "
                        f"{LARGEST:g}{unit}.")
     value = float(value)
-    if value <= above:
-        raise BadInput(f"{key} is {value:g}{unit}; it must be larger than {above:g}{unit}.")
-    if value < least:
-        raise BadInput(f"{key} is {value:g}{unit}; it must be at least {least:g}{unit}.")
-    if value >= below:
-        raise BadInput(f"{key} is {value:g}{unit}; it must be smaller than {below:g}{unit}.")
+    for wrong, words, limit in ((value <= above, "larger than", above),
+                                (value < least, "at least", least),
+                                (value >= below, "smaller than", below),
+                                (value > most, "at most", most)):
+        if wrong:
+            reason = f" ({why})" if why and limit in (below, most) else ""
+            raise BadInput(f"{key} is {value:g}{unit}; it must be {words} {limit:g}{unit}{reason}.")
     return value
+
+
+def _span(least: float, most: float) -> str:
+    return f"of at least {least}" if most == math.inf else f"from {least} to {most}"
 
 
 def whole(key: str, value: Any, least: int, most: float = math.inf, why: str = "") -> int:
     """Return value if it is a whole number from least to most, or say in a sentence, with the
     reason why, that not.
     """
-    if isinstance(value, bool) or not isinstance(value,
-                                                 (int, np.integer)) or not least <= value <= most:
-        span = f"of at least {least}" if most == math.inf else f"from {least} to {most}"
+    if (isinstance(value, bool) or not isinstance(value, (int, np.integer))
+            or not least <= value <= most):
         raise BadInput(f"{key} is {shown(value)}; it must be a whole number "
-                       f"{span}{f' ({why})' if why else ''}.")
+                       f"{_span(least, most)}{f' ({why})' if why else ''}.")
     return int(value)
 
 
@@ -106,19 +367,17 @@ def require_model(model: Any) -> None:
         raise BadInput(f"model is a {type(model).__name__}; it must be a Model{own}.")
 
 
-def vector(key: str, values: ArrayLike, *, above: float = -math.inf, least: float = -math.inf,
-           unit: str = "") -> NDArray:
-    """Return values as a read-only vector, each entry checked as by `number`."""
-    if isinstance(values, (str, Mapping)) or not np.iterable(values):
-        raise BadInput(f"{key} is {shown(values)}; it must be a list of numbers.")
-    array = np.array([number(f"{key}[{i}]", v, above=above, least=least, unit=unit)
-                      for i, v in enumerate(values)])
+def frozen(array: NDArray) -> NDArray:
+    """Return the array, read-only from now on."""
     array.setflags(write=False)
     return array
 
 
 def bearing_matrix(key: str, value: ArrayLike, unit: str) -> NDArray:
-    """Return the 2 × 2 matrix in (x, z) of a scalar (isotropic), two diagonal entries, or 2 × 2."""
+    """Return the 2 × 2 matrix in (x, z) of a scalar (isotropic), two diagonal entries, or 2 × 2.
+
+    Raises BadInput for what is none of them, a negative direct entry, and a table of speeds.
+    """
     value = value.tolist() if isinstance(value, np.ndarray) else value
     rows = value if isinstance(value, (list, tuple)) else [[value, 0.0], [0.0, value]]
     if len(rows) == 2 and not any(isinstance(row, (list, tuple)) for row in rows):
@@ -129,10 +388,16 @@ def bearing_matrix(key: str, value: ArrayLike, unit: str) -> NDArray:
     array = np.array([[number(key, entry, unit=unit) for entry in row] for row in rows])
     if min(array[0, 0], array[1, 1]) < 0:
         raise BadInput(f"{key} has a negative direct entry, {min(array[0, 0], array[1, 1]):g} "
-                       f"{unit}; "
-                       f"direct entries must be at least 0 {unit}.")
-    array.setflags(write=False)
-    return array
+                       f"{unit}; direct entries must be at least 0 {unit}.")
+    (xx, xz), (zx, zz) = array.tolist()
+    if 0 <= xx < zx and TABLE * zx < min(xz, zz):
+        raise BadInput(f"{key} is {shown(value)}: as a matrix its direct entries are {xx:g} and "
+                       f"{zz:g} {unit}. It looks like a table over the speed, which a linear "
+                       "bearing does not take; give the matrix at the rated speed.")
+    return frozen(array)
+
+
+# Where a number comes from
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,3 +428,11 @@ def quantity(value: Any, unit: str) -> str:
         return f"[{', '.join(map(text, v))}]" if np.iterable(v) else f"{v:.6g}"
 
     return f"{text(value)} {unit}" if unit != "1" else text(value)
+
+
+def simplest(value: Any) -> Any:
+    """One number for an isotropic bearing or a uniform shaft, the value itself otherwise."""
+    array = np.asarray(value)
+    if array.shape == (2, 2) and np.array_equal(array, array[0, 0] * np.eye(2)):
+        return array[0, 0]
+    return array.flat[0] if array.ndim == 1 and len(array) and (array == array[0]).all() else value

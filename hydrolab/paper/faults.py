@@ -19,7 +19,8 @@ from hydrolab.dynamics.harmonics import Ellipse, ellipse
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.stability import floquet
 from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.machine.bearings import Crack, JournalFilm, PadBearing
+from hydrolab.machine.bearings import JournalFilm, PadBearing
+from hydrolab.machine.crack import Crack
 from hydrolab.machine.parts import Machine
 
 STEPS = 24  # from a preload to the clearance, where a solver does not find the orbit at once

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from hydrolab import BadInput, HarmonicBalance, NoConvergence, load_machine, rpm, vary
 from hydrolab.dynamics.equilibrium import equilibrium, largest_offset
-from hydrolab.machine.bearings import Crack
+from hydrolab.machine.crack import Crack
 from hydrolab.machine.parts import MU_0, AirGap, Machine, RadialBearing, RigidBody, Shaft
 
 UNIT = load_machine("kaplan-150rpm")

@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 from hydrolab import HarmonicBalance, Newmark, RungeKutta, floquet, follow, integrate, load_machine, reduce, rpm
 from hydrolab.dynamics.ensemble import split
 from hydrolab.dynamics.stability import multipliers
-from hydrolab.machine.bearings import Crack, JournalFilm, PadBearing
+from hydrolab.machine.bearings import JournalFilm, PadBearing
+from hydrolab.machine.crack import Crack
 from hydrolab.machine.gap_shape import GapShape
 from tests.reference.full_balance import solve_full
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from hydrolab import HarmonicBalance, Newmark, RungeKutta, floquet, integrate, load_machine
-from hydrolab.machine.gap_shape import GapShape, Poles
+from hydrolab.machine.gap_shape import GapShape
+from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
 from tests.reference.full_balance import solve_full
 

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from hydrolab import BadInput, HarmonicBalance, floquet, load_machine, modes
 from hydrolab.dynamics.parametric import centred_growth, stability_chart, two_pole_band, two_pole_growth
-from hydrolab.machine.gap_shape import Poles
+from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
 from hydrolab.machine.pull import tangential_limit
 

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from hydrolab.machine.gap_shape import Bulge, Poles, gap_law, gap_shapes, selection_rule
+from hydrolab.machine.gap_shape import Bulge, gap_law, gap_shapes, selection_rule
 from hydrolab.machine.parts import MU_0, AirGap
 from hydrolab.machine.pole_pairs import (
     PolePairPull,
+    Poles,
     peak_field,
     series_force,
     truncated_size,

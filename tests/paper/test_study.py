@@ -15,10 +15,12 @@ from hydrolab import BadInput, CentralDifference, integrate, load_machine, rpm
 from hydrolab.cli import main
 from hydrolab.dynamics.harmonics import ellipse, self_crossings
 from hydrolab.figures.paper_figures import figure_7
-from hydrolab.machine.bearings import Crack, JournalFilm, PadBearing
+from hydrolab.machine.bearings import JournalFilm, PadBearing
+from hydrolab.machine.crack import Crack
 from hydrolab.machine.cards import card_text, vary
 from hydrolab.machine.elements import shaft_element
-from hydrolab.machine.gap_shape import GapShape, Poles
+from hydrolab.machine.gap_shape import GapShape
+from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.pull import ShapedPull
 from hydrolab.paper.calibration import Verdicts, load_family
 from hydrolab.paper.claims import CLAIMS, PHASE, judge
