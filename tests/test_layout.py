@@ -28,9 +28,6 @@ LAYERS = [
     ["hydrolab.cli"],
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
-# `unit.model()` reads well in a chapter; the method fetches the module that does the work when it
-# is called.
-DEFERRED = {("hydrolab.machine.parts", "hydrolab.machine.model")}
 
 TOP_LEVEL = {"pyproject.toml", "book", "hydrolab", "tests", "environment-notes.md", "README.md"}
 BUILT = {"hydrolab-book", "hydrolab-study", "build", "dist"}  # made by commands, never committed
@@ -92,10 +89,6 @@ def imports(module: str, tree: ast.Module, *, deferred: bool = True) -> set[str]
 @pytest.mark.parametrize("module", MODULES)
 def test_imports_point_one_way(module):
     for imported in imports(module, TREES[module]):
-        if (module, imported) in DEFERRED:
-            assert imported not in imports(module, TREES[module],
-                                           deferred=False), f"{module} → {imported}: defer it"
-            continue
         assert rank(imported) <= rank(module), f"{module} imports {imported}, which comes after it"
 
 

@@ -83,6 +83,7 @@ class Prose(Text):
     limits: ClassVar[str] = "text without control characters"
 
     def check(self, key: str, value: Any) -> str:
+        """Return the text on one line."""
         # what is not printable could steer a terminal
         if not isinstance(value, str) or not all(c.isprintable() or c.isspace() for c in value):
             raise BadInput(f"{key} is {shown(value)}; it must be {self.limits}.")
@@ -97,9 +98,11 @@ class Choice(Text):
 
     @property
     def limits(self) -> str:
+        """The words, apart by commas."""
         return ", ".join(self.options)
 
     def check(self, key: str, value: Any) -> str:
+        """Return the word if it is one of them."""
         if not isinstance(value, str) or value not in self.options:
             raise BadInput(f"{key} is {shown(value)}; it must be one of {self.limits}.")
         return value
@@ -112,6 +115,7 @@ class Flag(Text):
     limits: ClassVar[str] = "true or false"
 
     def check(self, key: str, value: Any) -> bool:
+        """Return the value if it is a bool."""
         if not isinstance(value, bool):
             raise BadInput(f"{key} is {shown(value)}; it must be true or false.")
         return value
@@ -127,9 +131,11 @@ class Whole(Text):
 
     @property
     def limits(self) -> str:
+        """From least to most."""
         return f"a whole number {_span(self.least, self.most)}"
 
     def check(self, key: str, value: Any) -> int:
+        """Return the value as an int; see `whole`."""
         return whole(key, value, self.least, self.most, self.why)
 
 
@@ -155,12 +161,14 @@ class Number(Text):
 
     @property
     def limits(self) -> str:
+        """The limits with their unit; empty for any number."""
         said = [f"{words} {quantity(limit, self.unit)}" for words, limit in (
             ("above", self.above), ("at least", self.least), ("below", self.below),
             ("at most", self.most)) if math.isfinite(limit)]
         return ", ".join(said)
 
     def check(self, key: str, value: Any) -> Any:
+        """Return the value as a float; see `number`."""
         unit = "" if self.unit == "1" else self.unit
         return number(key, value, above=self.above, least=self.least, below=self.below,
                       most=self.most, unit=unit, why=self.why)
@@ -170,6 +178,7 @@ class Numbers(Number):
     """A field that holds a list of numbers."""
 
     def check(self, key: str, value: Any) -> NDArray:
+        """Return a read-only vector, each entry checked."""
         if isinstance(value, (str, Mapping)) or not np.iterable(value):
             raise BadInput(f"{key} is {shown(value)}; it must be a list of numbers.")
         return frozen(np.array([super(Numbers, self).check(f"{key}[{i}]", v)
@@ -180,6 +189,7 @@ class PerElement(Numbers):
     """A field that holds one number, or one for each element of the shaft."""
 
     def check(self, key: str, value: Any) -> Any:
+        """Return a float or a read-only vector; the shaft knows how long it must be."""
         many = np.iterable(value) and not isinstance(value, (str, Mapping))
         return (Numbers if many else Number).check(self, key, value)
 
@@ -188,6 +198,7 @@ class Pair(Number):
     """A field that holds two numbers; one stands for both."""
 
     def check(self, key: str, value: Any) -> tuple[float, float]:
+        """Return both, each checked."""
         one = not np.iterable(value) or isinstance(value, (str, Mapping))
         checked = [super(Pair, self).check(key, v) for v in ((value, value) if one else value)]
         if len(checked) != 2:
@@ -199,6 +210,7 @@ class Matrix(Number):
     """A field that holds a 2 × 2 matrix in (x, z); see `bearing_matrix`."""
 
     def check(self, key: str, value: Any) -> NDArray:
+        """Return the read-only matrix; of what is stated, only the direct entries have a limit."""
         return bearing_matrix(key, value, self.unit)
 
 
