@@ -37,6 +37,7 @@ from hydrolab.machine.quantities import (
     checked,
     declared,
     dotted,
+    micro,
     nickname,
     number,
     shown,
@@ -88,6 +89,7 @@ def example(holds: Any, filled: bool = True) -> str:
         return {str: f'"{holds.example}"', bool: "true"}.get(type(holds.example),
                                                              f"{holds.example}")
     value, unit = holds.example if filled else ("…", next(iter(holds.units)))
+    value = f"{value:g}" if isinstance(value, float) else value
     return f'{{ value = {value}, unit = "{unit}", source = "assumed" }}'
 
 
@@ -140,7 +142,7 @@ class Reader:
             return None
         self.keys(key, table, {"value": "…", "unit": f'"{next(iter(holds.units))}"',
                                "source": '"assumed"'}, ["note"])
-        stated = {**table, "unit": _plain_micro(table.get("unit"))}
+        stated = {**table, "unit": micro(table.get("unit"))}
         for part, allowed in (("unit", list(holds.units)), ("source", SOURCES)):
             if part in table and stated[part] not in allowed:
                 self.fail(f"{key}.{part}", f"{key}.{part} is {shown(table[part])}; it must be one "
@@ -223,11 +225,6 @@ class Reader:
             self.fail(key, f"{key} has neither {kinds}; add {first.told_by} = {form}, or one of "
                       "the others.")
         return told[0] if len(told) == 1 else None
-
-
-def _plain_micro(unit: Any) -> Any:
-    """The unit with the micro sign for the Greek letter, which looks the same."""
-    return unit.replace("\u03bc", "\u00b5") if isinstance(unit, str) else unit
 
 
 def in_si(key: str, value: Any, unit: str, factors: tuple[float, float], depth: int = 2) -> Any:

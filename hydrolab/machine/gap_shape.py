@@ -33,6 +33,7 @@ from hydrolab.machine.quantities import (
     Text,
     Whole,
     declare,
+    micro,
     number_field,
     shown,
 )
@@ -129,6 +130,7 @@ def gap_law(stiffness: float, gap: float, poles: Poles | None,
 
 COLUMNS = {"angle": {"deg": math.pi / 180, "rad": 1.0},
            "gap": {"m": 1.0, "mm": 1e-3, "µm": 1e-6, "um": 1e-6}}
+TURNS = 2  # beyond which angles in radians are degrees under the wrong name
 LARGEST_FILE = 5_000_000  # bytes
 ROUGHEST = 1e3  # condition number beyond which the angles do not tell the orders apart
 
@@ -168,17 +170,21 @@ def read_gap(path: str | Path, orders: int = 8) -> MeasuredGap:
 
     The angles, from z towards x, may be in any order and unequally spaced; the shape is a
     least-squares fit. Names are `angle_deg` or `angle_rad`, and `gap_m`, `gap_mm` or `gap_um`;
-    other columns are ignored. orders: highest order. Raises BadInput with one sentence that names
-    the line.
+    other columns are ignored. Columns are apart by commas, or by semicolons, and then a comma may
+    mark the decimals. orders: highest order. Raises BadInput with one sentence that names the line.
     """
     if isinstance(orders, bool) or not isinstance(orders, int) or not 1 <= orders <= MOST:
         raise BadInput(f"orders is {orders!r}; it must be a whole number from 1 to {MOST}.")
     name, rows = Path(path).name, _rows(Path(path))
-    header = [cell.strip() for cell in rows[0][1]] if rows else []
+    header = [micro(cell.strip()) for cell in rows[0][1]] if rows else []
     places = [_column(name, header, kind) for kind in COLUMNS]
     values = np.array([[_value(name, line, header[at], row, at) * scale for at, scale in places]
                        for line, row in rows[1:]]).reshape(-1, 2)
     angle, gap = values.T
+    if places[0][1] == 1 and len(angle) and (turns := np.ptp(angle) / (2 * np.pi)) > TURNS:
+        raise BadInput(f"{name}: angle_rad goes from {angle.min():.4g} to {angle.max():.4g} rad, "
+                       f"{turns:.0f} turns; a gap is measured once around. If these are degrees, "
+                       "call the column angle_deg.")
     if (gap <= 0).any():
         line = rows[1 + int(np.argmax(gap <= 0))][0]
         raise BadInput(f"{name} line {line}: the gap is {1e3 * gap.min():.4g} mm; a gap is larger "
@@ -209,13 +215,17 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
             raise BadInput(f"{path.name} is larger than {LARGEST_FILE / 1e6:g} MB; a measured gap "
                            "has some hundred lines.")
         text = path.read_text(encoding="utf-8-sig")
-        return [(i, row) for i, row in enumerate(csv.reader(text.splitlines()), 1)
-                if any(cell.strip() for cell in row)]
+        apart = ";" if ";" in text.lstrip().split("\n", 1)[0] else ","
+        rows = enumerate(csv.reader(text.splitlines(), delimiter=apart), 1)
+        # where semicolons are apart, commas mark the decimals
+        return [(i, [cell.replace(",", ".") for cell in row] if apart == ";" else row)
+                for i, row in rows if any(cell.strip() for cell in row)]
     except OSError as error:
         raise BadInput(f"{path.name} cannot be read: {error.strerror or error}; give the path of a "
                        "CSV file.") from None
     except (UnicodeDecodeError, csv.Error):
-        raise BadInput(f"{path.name} is not a CSV file in UTF-8; export it as text with commas.") from None
+        raise BadInput(f"{path.name} is not a CSV file in UTF-8; export it as text with "
+                       "commas.") from None
 
 
 def _column(name: str, header: list[str], kind: str) -> tuple[int, float]:
@@ -224,8 +234,7 @@ def _column(name: str, header: list[str], kind: str) -> tuple[int, float]:
         if header.count(f"{kind}_{unit}") == 1:
             return header.index(f"{kind}_{unit}"), scale
     raise BadInput(f"{name} begins with {shown(','.join(header))}; its first line must name one "
-                   "column "
-                   f"{' or '.join(f'{kind}_{unit}' for unit in COLUMNS[kind])}.")
+                   f"column {' or '.join(f'{kind}_{unit}' for unit in COLUMNS[kind])}.")
 
 
 def _value(name: str, line: int, column: str, row: list[str], at: int) -> float:
@@ -238,6 +247,5 @@ def _value(name: str, line: int, column: str, row: list[str], at: int) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise BadInput(f"{name} line {line}: {column} is {shown(row[at])}; it must be a finite "
-                       "number, with a point for "
-                       "the decimals.")
+                       "number, with a point for the decimals.")
     return value

@@ -379,6 +379,11 @@ def require_model(model: Any) -> None:
         raise BadInput(f"model is a {type(model).__name__}; it must be a Model{own}.")
 
 
+def micro(text: Any) -> Any:
+    """Return a unit with the micro sign in place of the Greek letter that looks the same."""
+    return text.replace("\u03bc", "\u00b5") if isinstance(text, str) else text
+
+
 def frozen(array: NDArray) -> NDArray:
     """Return the array, read-only from now on."""
     array.setflags(write=False)

@@ -391,3 +391,25 @@ def test_values_are_checked(machine, values):
         steady_map(machine, "static_eccentricity", values, "field", [0.5])
     with pytest.raises(BadInput, match="y_values must be a list of finite"):
         steady_map(machine, "static_eccentricity", [0.1], "field", values)
+
+
+class Watched(ProcessPoolExecutor):
+    """A pool that keeps what it was asked to do."""
+
+    def __init__(self, workers):
+        super().__init__(workers)
+        self.futures = []
+
+    def submit(self, *task, **named):
+        self.futures.append(super().submit(*task, **named))
+        return self.futures[-1]
+
+
+def test_a_loaded_card_is_computed_in_the_workers(machine):
+    """Every row comes back from a worker, equal to the same row computed here."""
+    axes = ("static_eccentricity", [0.0, 0.02], "field", [0.4, 0.5])
+    here = steady_map(machine, *axes)
+    with Watched(2) as pool:
+        there = steady_map(machine, *axes, executor=pool)
+        assert len(pool.futures) == 2 and not any(f.exception() for f in pool.futures)
+    assert same(here, there)

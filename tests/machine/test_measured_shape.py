@@ -42,6 +42,29 @@ def test_units_and_other_columns(tmp_path):
     assert found.bulges[1].size == pytest.approx(1e-4, rel=1e-6)
 
 
+def test_semicolons_decimal_commas_and_the_greek_letter(tmp_path):
+    """As a spreadsheet in most of Europe writes it."""
+    angle = np.arange(0, 360, 10.0)
+    gap = 11e-3 + outline(TRUE, np.radians(angle))
+    lines = ["angle_deg; gap_\u03bcm", *(f"{a:.1f};{1e6 * g:.6f}".replace(".", ",")
+                                        for a, g in zip(angle, gap, strict=True))]
+    (tmp_path / "g.csv").write_text("\n".join(lines), encoding="utf-8")
+    found = read_gap(tmp_path / "g.csv")
+    assert found.mean == pytest.approx(11e-3, rel=1e-8) and found.misfit < 1e-10
+    assert outline(found.bulges, angle) == pytest.approx(outline(TRUE, angle), abs=1e-9)
+
+
+def test_degrees_called_radians_are_noticed(tmp_path):
+    """Order 1 of 300 µm, which read as radians would be order 5 of 248 µm."""
+    gap = 11e-3 + outline((Bulge(1, 3e-4),), np.radians(ANGLES))
+    write(tmp_path / "gap.csv", ANGLES, 1e3 * gap, "angle_rad,gap_mm")
+    with pytest.raises(BadInput, match=r"gap\.csv: angle_rad goes from 0 to 350 rad, 56 turns"):
+        read_gap(tmp_path / "gap.csv")
+    found = read_gap(write(tmp_path / "gap.csv", ANGLES, 1e3 * gap))
+    assert max(found.bulges, key=lambda b: b.size).order == 1
+    assert found.bulges[0].size == pytest.approx(3e-4, rel=1e-6)
+
+
 ANGLES = np.arange(0.0, 360, 10)
 
 
