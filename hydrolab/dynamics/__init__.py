@@ -11,7 +11,7 @@ from hydrolab.dynamics.branches import Arclength, arclength, follow, locate_fold
 from hydrolab.dynamics.ensemble import basins, poincare, split, sweep_in_time
 from hydrolab.dynamics.equilibrium import equilibrium, largest_offset
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance, first_guess
-from hydrolab.dynamics.harmonics import ellipse, fourier_rows
+from hydrolab.dynamics.harmonics import ellipse, fit, fourier_rows, rates, synthesise
 from hydrolab.dynamics.maps import steady_map
 from hydrolab.dynamics.modes import undamped_frequencies
 from hydrolab.dynamics.results import Branch, PeriodicOrbit
@@ -25,8 +25,8 @@ from hydrolab.dynamics.stability import (
 
 __all__ = [
     "Arclength", "Branch", "HarmonicBalance", "PeriodicOrbit", "arclength", "basins",
-    "branch_stability", "ellipse", "equilibrium", "first_guess", "floquet", "floquet_all", "follow",
-    "fourier_rows", "largest_offset", "locate_fold", "orbits_at", "poincare", "split",
-    "stable_orbits_at", "steady_map", "strang_product", "sweep", "sweep_in_time",
+    "branch_stability", "ellipse", "equilibrium", "first_guess", "fit", "floquet", "floquet_all", "follow",
+    "fourier_rows", "largest_offset", "locate_fold", "orbits_at", "poincare", "rates", "split",
+    "stable_orbits_at", "steady_map", "strang_product", "sweep", "sweep_in_time", "synthesise",
     "undamped_frequencies",
 ]

@@ -7,19 +7,29 @@ import subprocess
 import sys
 import textwrap
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 xr = pytest.importorskip("xarray", reason="maps need the extra `maps` (xarray, Dask)")
 
-from hydrolab import HarmonicBalance, ellipse, follow, load_machine, orbits_at, rpm, steady_map, vary  # noqa: E402
+from hydrolab import (  # noqa: E402
+    HarmonicBalance,
+    ellipse,
+    follow,
+    load_machine,
+    orbits_at,
+    rpm,
+    steady_map,
+    vary,
+)
 from hydrolab.dynamics import maps as maps_module  # noqa: E402
 from hydrolab.dynamics.batch import Outcome  # noqa: E402
 from hydrolab.dynamics.branches import Arclength  # noqa: E402
 from hydrolab.dynamics.maps import READINGS, fingerprint, steady_row  # noqa: E402
 from hydrolab.errors import BadInput  # noqa: E402
-from hydrolab.paper.faults import typical_faults  # noqa: E402
+from hydrolab.machine import Crack, JournalFilm, PadBearing  # noqa: E402
 
 E = np.array([0.0, 0.02, 0.05, 0.08, 0.089, 0.1])
 FIELDS = np.array([0.4, 0.45, 0.5, 0.52])
@@ -122,12 +132,16 @@ def test_it_says_what_it_holds(whole, machine):
 
 
 def test_a_faulty_machine_has_another_fingerprint_and_no_map(machine):
-    faults = typical_faults(machine)[2:]
-    assert len({fingerprint(machine), *(fingerprint(fault.machine)
-                                        for fault in faults)}) == 1 + len(faults)
+    first, *others = machine.bearings
+    faults = [replace(machine, bearings=others, pad_bearings=(PadBearing("pads", 1, 8, 3e8, 1e-4),)),
+              replace(machine, bearings=others,
+                      films=(JournalFilm("film", first.node, 0.03, 0.4, 0.24, 1.6e-4),)),
+              replace(machine, cracks=(Crack("crack", 1, 0.2),)),
+              replace(machine, cracks=(Crack("crack", 1, 0.2, breathing="open"),))]
+    assert len({fingerprint(machine), *map(fingerprint, faults)}) == 1 + len(faults)
     for fault in faults:
         with pytest.raises(BadInput, match=r"kaplan-150rpm has the law \w+; .* Use `follow`"):
-            steady_map(fault.machine, "static_eccentricity", E, "field", FIELDS[:1])
+            steady_map(fault, "static_eccentricity", E, "field", FIELDS[:1])
 
 
 # ------------------------------------------------------------------ stop and go on
