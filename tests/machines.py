@@ -23,9 +23,10 @@ def unit(**parts) -> Machine:
     return replace(load_machine("kaplan-150rpm"), **parts)
 
 
-def gap(**numbers) -> Machine:
-    """The paper's unit with these numbers of its air gap."""
-    return unit(air_gap=replace(unit().air_gap, **numbers))
+def gap(base: Machine | None = None, **numbers) -> Machine:
+    """The paper's unit, or another machine, with these numbers of its air gap."""
+    base = base or unit()
+    return replace(base, air_gap=replace(base.air_gap, **numbers))
 
 
 def jeffcott(**parts) -> Machine:

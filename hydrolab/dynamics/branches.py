@@ -95,9 +95,11 @@ def path(model: Model, parameter: str, balance: HarmonicBalance, speed: float,
     if parameter in makers:
         return makers[parameter](here, balance)
     name = parameter.removeprefix("bearings.").removesuffix(".stiffness")
-    if name in model.supports and parameter == f"bearings.{name}.stiffness":
+    alike = [name for name, bearing in model.supports.items() if not bearing.law
+             and np.array_equal(bearing.stiffness, bearing.stiffness[0, 0] * np.eye(2))]
+    if name in alike and parameter == f"bearings.{name}.stiffness":
         return _stiffness(here, balance, name)
-    known = [*makers, *(f"bearings.{name}.stiffness" for name in model.supports)]
+    known = [*makers, *(f"bearings.{name}.stiffness" for name in alike)]
     raise BadInput(f"parameter is {parameter!r}; what can be followed is {', '.join(known)}.")
 
 
@@ -184,15 +186,15 @@ def _speed(here: Problem, balance: HarmonicBalance) -> Path:
 
 
 def _stiffness(here: Problem, balance: HarmonicBalance, name: str) -> Path:
-    model, rows = here.equations.model, here.equations.model.supports[name]
-    own = model.K
-    touched = rows.T @ rows
-    first = float(model.support_stiffness[name])
+    model, bearing = here.equations.model, here.equations.model.supports[name]
+    touched = bearing.rows.T @ bearing.rows
+    first = float(bearing.stiffness[0, 0])
 
     def at(value: float) -> Problem:
         # Rayleigh damping is a property of the machine as built and does not follow the bearing.
-        changed = replace(model, K=own + (value - first) * touched,
-                          support_stiffness={**model.support_stiffness, name: value})
+        own = replace(bearing, stiffness=value * np.eye(2))
+        changed = replace(model, K=model.K + (value - first) * touched,
+                          supports={**model.supports, name: own})
         return replace(here, equations=balance.equations(changed, here.equations.speed))
 
     def slope(problem: Problem, value: float, y: NDArray, jacobian: NDArray) -> NDArray:

@@ -10,7 +10,6 @@ nearer to those of all DOFs.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -54,17 +53,7 @@ def reduce(model: Model, modes: int = 12, gyroscopic: bool = False) -> Model:
         raise BadInput(f"{model.name} has a DOF without mass, so it has no modes; give the shaft a "
                        "density above 0."
                        ) from error
-    basis = basis @ mix
-
-    def project(matrix: NDArray) -> NDArray:
-        return basis.T @ matrix @ basis
-
-    return replace(model, M=project(model.M), C=project(model.C), G=project(model.G),
-                   K=project(model.K),
-                   unbalance_sin=basis.T @ model.unbalance_sin,
-                   unbalance_cos=basis.T @ model.unbalance_cos,
-                   selection=model.selection @ basis, shaft_map=model.shaft_map @ basis,
-                   supports={name: rows @ basis for name, rows in model.supports.items()})
+    return model.on_basis(basis @ mix)
 
 
 def truncation_error(model: Model, reduced: Model, speed: float, harmonics: int = 4) -> float:

@@ -128,7 +128,8 @@ class ShortFilm(ForceLaw):
                     + c * turned[:, None] * turned)
 
         by_velocity = -self.damping / 2 * turned_back(pp, pq, qq)
-        by_place = -self.damping / (2 * self.clearance) * size * turned_back(*third_derivatives(p, q))
+        by_place = turned_back(*third_derivatives(p, q))
+        by_place *= -self.damping / (2 * self.clearance) * size
         # w = u̇ + (Ω/2)(−z, x), so u also acts through w
         by_place[:, 0] += speed / 2 * by_velocity[:, 1]
         by_place[:, 1] -= speed / 2 * by_velocity[:, 0]
@@ -174,15 +175,29 @@ class Bearing(Part):
     """A bearing at a node of the shaft.
 
     A new kind is a dataclass over this one, in `BEARINGS`. told_by: the number by which a card
-    tells the kind. group: the field of a machine that holds bearings of this kind.
+    tells the kind. group: the field of a machine that holds bearings of this kind. tilts: whether
+    it acts on the tilt (θx, θz) of its node; else it acts on (x, z).
     """
 
     table = "bearings"
     noun = "a bearing"
     told_by: ClassVar[str]
     group: ClassVar[str]
+    tilts: ClassVar[bool] = False
     name: str = declare(Text("what the bearing is called", "guide bearing"))
     node: int = declare(Whole("the node it is at, from 0 at the shaft top", 1))
+
+    def law(self, speed: float) -> ForceLaw | None:
+        """What is not linear in it at a speed (rad/s) of the machine; None for a linear bearing.
+
+        A linear bearing of the stiffness `reference`, N/m, an attribute of the law, stands for it
+        in the model's matrix; the law takes it back.
+        """
+        return None
+
+    def matrices(self) -> tuple[NDArray, NDArray]:
+        """Stiffness, N/m, and damping, N s/m, of a linear bearing, both (2, 2)."""
+        return np.zeros((2, 2)), np.zeros((2, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +215,10 @@ class RadialBearing(Bearing):
     damping: NDArray | float = number_field("N s/m", "damping, of each direct entry", holds=Matrix,
                                             least=0, default=0.0, example=(1e6, "N s/m"))
 
+    def matrices(self) -> tuple[NDArray, NDArray]:
+        """Stiffness, N/m, and damping, N s/m."""
+        return self.stiffness, np.asarray(self.damping)
+
 
 @dataclass(frozen=True)
 class ThrustBearing(Bearing):
@@ -208,8 +227,13 @@ class ThrustBearing(Bearing):
     noun = "a thrust bearing"
     told_by = "tilt_stiffness"
     group = "thrust_bearings"
+    tilts = True
     tilt_stiffness: float = number_field("N m/rad", "stiffness against tilt", least=0,
                                          example=(5e7, "N m/rad"))
+
+    def matrices(self) -> tuple[NDArray, NDArray]:
+        """Stiffness, N m/rad, and damping, N m s/rad."""
+        return self.tilt_stiffness * np.eye(2), np.zeros((2, 2))
 
 
 STIFF = 5  # so that the linear answer, from which a solver starts, lies within the clearance
@@ -240,10 +264,8 @@ class PadBearing(Bearing):
                                    "tenth of the clearance", least=0, default=0.0,
                                    example=(15, "µm"))
 
-    def law(self) -> Pads:
-        """The bearing's law, which takes back the linear bearing of its closed stiffness in the
-        model's matrix.
-        """
+    def law(self, speed: float = 0.0) -> Pads:
+        """The law of its pads, which takes back the linear bearing of their closed stiffness."""
         rounding = self.rounding or 0.1 * (abs(self.clearance) or 1e-3)
         closed = self.pads * self.pad_stiffness / 2
         return Pads(self.pad_stiffness, self.clearance, self.pads, self.angle, rounding, closed)

@@ -38,7 +38,7 @@ from hydrolab.machine.pull import (
 
 if TYPE_CHECKING:
     from hydrolab.machine.crack import Crack
-    from hydrolab.machine.parts import Machine, RigidBody
+    from hydrolab.machine.parts import Machine, RigidBody, Shaft
 
 # relative difference below which two frequencies are the pair of an isotropic rotor
 DISTINCT = 1e-6
@@ -111,9 +111,9 @@ def slopes(node: int, size: int) -> NDArray:
     return rows
 
 
-def place(node: int, per_node: int, size: int) -> NDArray:
-    """Rows of the (x, z) of a node, (2, size)."""
-    return np.eye(size)[per_node * node:per_node * node + 2]
+def place(node: int, per_node: int, size: int, first: int = 0) -> NDArray:
+    """Rows of the (x, z) of a node, or from its DOF `first` on, (2, size)."""
+    return np.eye(size)[per_node * node + first:per_node * node + first + 2]
 
 
 def crack_law(machine: Machine, crack: Crack) -> ForceLaw:
@@ -124,25 +124,74 @@ def crack_law(machine: Machine, crack: Crack) -> ForceLaw:
                      float(np.diff(shaft.nodes)[i]))
 
 
-def attach(machine: Machine, per_node: int, centre: NDArray) -> tuple[ForceLaw, NDArray]:
-    """The law of a whole machine and its selection S, (c, n). centre: as in `air_gap_law`."""
+def attach(machine: Machine, centre: NDArray,
+           supports: Mapping[str, Support]) -> tuple[ForceLaw, NDArray]:
+    """The law of a whole machine and its selection S, (c, n). centre: as in `air_gap_law`.
+
+    No coordinate depends on the others: laws at one place share their coordinates and add up.
+    Raises BadInput where a law acts at the centre of the rotor in the gap, whose place is counted
+    from the stator, and for two cracks in one element, whose losses of stiffness do not add up.
+    """
     size = centre.shape[1]
-    pull, rows = air_gap_law(machine, centre)
-    more = [(pads.law(), place(pads.node, per_node, size)) for pads in machine.pad_bearings]
-    more += [(film.law(machine.speed), place(film.node, per_node, size)) for film in machine.films]
-    more += [(crack_law(machine, crack), slopes(crack.element + 1, size) - slopes(crack.element,
-                                                                                  size))
-             for crack in machine.cracks]
-    if not more:
-        return pull, rows
-    placed = [Placed(pull, slice(0, len(rows)))]
-    for law, own in more:
-        placed.append(Placed(law, slice(len(rows), len(rows) + 2)))
-        rows = np.vstack([rows, own])
-    return SeveralLaws(tuple(placed)), rows
+    first, rows = air_gap_law(machine, centre)
+    more = [(f"bearings.{name}", s.law, s.rows) for name, s in supports.items() if s.law]
+    for crack in machine.cracks:
+        upper, lower = (slopes(node, size) for node in (crack.element, crack.element + 1))
+        more.append((f"cracks.{crack.name}", crack_law(machine, crack), lower - upper))
+    placed = [Placed(first, slice(0, len(rows)))]
+    for key, law, own in more:
+        known = np.round(np.linalg.lstsq(rows.T, own.T, rcond=None)[0].T, 12)
+        at = len(rows)
+        if np.abs(own - known @ rows).max() > DEPENDENT * np.abs(own).max():
+            rows = np.vstack([rows, own])
+        elif machine.air_gap and known[:, :2].any():
+            raise BadInput(f"{key} acts on the centre of {machine.air_gap.body}, the body in the "
+                           "air gap, whose place is counted from the stator; put it at another "
+                           "node, or leave out air_gap.")
+        elif key.startswith("cracks"):
+            raise BadInput(f"{key} is in an element that has another crack already; put a node "
+                           "between the two, or leave one out.")
+        else:
+            at = int(known[0].argmax())
+        placed.append(Placed(law, slice(at, at + len(own))))
+    return (SeveralLaws(tuple(placed)) if more else first), rows
 
 
+DEPENDENT = 1e-9  # of a row: what is left of it beyond the rows before is rounding
 NO_GAP_SCALE = 1e-3  # m; length that scales unknowns where a machine has no air gap
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """A radial bearing, as its force is found from a motion.
+
+    rows: pick its (x, z) from q, (2, n). stiffness, damping: its part of K and C, (2, 2), N/m and
+    N s/m. law: of its pads or its film, which takes `stiffness` back; None for a linear bearing.
+    """
+
+    rows: NDArray
+    stiffness: NDArray
+    damping: NDArray
+    law: ForceLaw | None = None
+
+    def force(self, u: NDArray, velocity: NDArray, phase: NDArray | float = 0.0,
+              speed: float = 0.0) -> NDArray:
+        """Force on the shaft, N, (2, …), that is at u = rows q, m, with a velocity, m/s, (2, …)."""
+        linear = -np.tensordot(self.stiffness, u, 1) - np.tensordot(self.damping, velocity, 1)
+        return linear + self.law.force(u, velocity, phase, speed) if self.law else linear
+
+
+@dataclass(frozen=True, eq=False)
+class Origin:
+    """Where a model comes from: the machine, what it was assembled to, without Rayleigh damping,
+    and the law, field and unbalance (times the machine's own) that the model has of it.
+    """
+
+    machine: Machine
+    assembled: Model
+    law: ForceLaw
+    field: float = 1.0
+    unbalance: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,13 +200,12 @@ class Model:
 
     M, C, G, K: mass, damping, gyroscopic and stiffness matrices, shape (n, n), SI units.
     unbalance_sin, unbalance_cos: F₁ and F₂, kg m, shape (n,); the force is Ω² (F₁ sin Ωt + F₂ cos
-    Ωt). selection: S, shape (c, n): the nonlinear coordinates from the DOFs; the first two are the
-    position (x, z) of the generator centre. law: the forces on those coordinates, the pull and
-    whatever else is not linear. gap: nominal air gap, m (inf if there is none). depths: y of each
-    node, m. shaft_map: maps q to the nodes' DOFs, shape (nodes · DOFs per node, n). rayleigh: the
-    coefficients (α, β) of C = αM + βK, 0 where there is no such damping. supports: for each
-    isotropic radial bearing, the rows that pick its (x, z) from q, shape (2, n); support_stiffness:
-    its stiffness, N/m.
+    Ωt). selection: S, shape (c, n): the nonlinear coordinates from the DOFs, none of which depends
+    on the others; the first two are the position (x, z) of the generator centre. law: the forces on
+    those coordinates, the pull and whatever else is not linear. gap: nominal air gap, m (inf if
+    there is none). depths: y of each node, m. shaft_map: maps q to the nodes' DOFs, shape (nodes ·
+    DOFs per node, n). rayleigh: the coefficients (α, β) of C = αM + βK, 0 where there is no such
+    damping. supports: each radial bearing by its name. origin: None for a model made by hand.
     """
 
     name: str
@@ -173,8 +221,8 @@ class Model:
     depths: NDArray
     shaft_map: NDArray
     rayleigh: tuple[float, float] = (0.0, 0.0)
-    supports: Mapping[str, NDArray] = field(default_factory=dict)
-    support_stiffness: Mapping[str, float] = field(default_factory=dict)
+    supports: Mapping[str, Support] = field(default_factory=dict)
+    origin: Origin | None = None
 
     @property
     def size(self) -> int:
@@ -231,12 +279,73 @@ class Model:
 
     def with_field(self, ratio: float) -> Model:
         """The same rotor with the flux density multiplied by `ratio` (0 switches the field off)."""
-        return replace(self, law=self.law.scaled(ratio**2))
+        law, origin = self.law.scaled(ratio**2), self.origin
+        if origin and self.law is origin.law:
+            origin = replace(origin, law=law, field=ratio * origin.field)
+        return replace(self, law=law, origin=origin)
 
     def with_unbalance(self, ratio: float) -> Model:
         """The same rotor with all unbalances multiplied by `ratio`."""
+        origin = self.origin and replace(self.origin, unbalance=ratio * self.origin.unbalance)
         return replace(self, unbalance_sin=ratio * self.unbalance_sin,
-                       unbalance_cos=ratio * self.unbalance_cos)
+                       unbalance_cos=ratio * self.unbalance_cos, origin=origin)
+
+    def on_basis(self, basis: NDArray) -> Model:
+        """The model in the coordinates p of q = basis p; basis: (n, r)."""
+        return replace(
+            self, **{name: basis.T @ getattr(self, name) @ basis for name in "MCGK"},
+            unbalance_sin=basis.T @ self.unbalance_sin, unbalance_cos=basis.T @ self.unbalance_cos,
+            selection=self.selection @ basis, shaft_map=self.shaft_map @ basis,
+            supports={name: replace(support, rows=support.rows @ basis)
+                      for name, support in self.supports.items()})
+
+    def number(self, key: str) -> tuple[float, str]:
+        """A number of the machine that this model was made from, with its SI unit.
+
+        key: dotted, as on its card: "bodies.generator.mass", "air_gap.gap", "shaft.diameter".
+        Raises BadInput for a key that the machine does not have, and for a model made by hand.
+        """
+        return self._made().machine.number(key)
+
+    def with_number(self, key: str, value: float) -> Model:
+        """The model with another value (SI) of one number of its machine.
+
+        What else was changed stays: the field, the unbalance, a basis, matrices, a law of one's
+        own. So does the matrix of Rayleigh damping, which is a property of the machine as built.
+
+        Raises BadInput as `number` does, for a value that its part refuses, and for a number of the
+        machine's law where the model has another.
+        """
+        origin = self._made()
+        machine = origin.machine.with_numbers({key: value})
+        old, new = origin.assembled, bare(machine)
+        own = self.law is not origin.law
+        if own and new.law != old.law:
+            raise BadInput(f"{key} is a number of the law that {self.name} had, but its law was "
+                           "replaced; change that law instead.")
+        if new.selection.shape != old.selection.shape:
+            raise BadInput(f"{key} = {value:g} lets two laws of {self.name} act on the same place, "
+                           "or sets them apart; make a new model of the machine with this value.")
+        law = self.law if own else new.law.scaled(origin.field**2)
+        change = replace(new, **{name: getattr(new, name) - getattr(old, name) for name in ARRAYS})
+        if self.size != old.size:
+            change = change.on_basis(self.shaft_map)
+        size = {name: origin.unbalance if "unbalance" in name else 1.0 for name in ARRAYS}
+        return replace(
+            self, **{name: getattr(self, name) + size[name] * getattr(change, name)
+                     for name in ARRAYS},
+            law=law, gap=new.gap, depths=new.depths, supports=change.supports,
+            origin=replace(origin, machine=machine, assembled=new,
+                           law=origin.law if own else law))
+
+    def _made(self) -> Origin:
+        if self.origin is None:
+            raise BadInput(f"{self.name} was not made from a card, so it has none of its numbers; "
+                           "take a model that load_machine(…).model() returns.")
+        return self.origin
+
+
+ARRAYS = ("M", "C", "G", "K", "unbalance_sin", "unbalance_cos", "selection")
 
 
 def rigid_link(offset: float) -> NDArray:
@@ -259,36 +368,28 @@ def body_matrices(body: RigidBody) -> tuple[NDArray, NDArray]:
     return np.diag([body.mass, body.mass, body.Id, body.Id]), gyroscopic
 
 
-def add_spring(K: NDArray, first: int, stiffness: float) -> None:
-    """Add an isotropic spring, N/m, to a stiffness matrix, on the (x, z) that begin at DOF `first`.
-    """
-    K[[first, first + 1], [first, first + 1]] += stiffness
+def add_shaft(shaft: Shaft, M: NDArray, G: NDArray, K: NDArray) -> None:
+    """Add the elements of a shaft to the matrices."""
+    for i, length in enumerate(np.diff(shaft.nodes)):
+        both = slice(4 * i, 4 * i + 8)
+        m, g, k = shaft_element(shaft.element, length, shaft.young, shaft.density, shaft.area[i],
+                                shaft.second_moment[i], shaft.poisson, shaft.shear_coefficient)
+        M[both, both] += m
+        G[both, both] += g
+        K[both, both] += k
 
 
-def assemble(machine: Machine) -> Model:
-    """Assemble the model of a machine; four DOFs a node (x, z, θx, θz), or two for a point mass."""
+def bare(machine: Machine) -> Model:
+    """The model of a machine without its Rayleigh damping."""
     per_node = 2 if machine.shaft is None else 4
     n = per_node * machine.nodes
     M, C, G, K = (np.zeros((n, n)) for _ in range(4))
     unbalance_sin, unbalance_cos = np.zeros(n), np.zeros(n)
-    selection = np.eye(2, n)
-    supports: dict[str, NDArray] = {}
-    support_stiffness: dict[str, float] = {}
-
-    def dofs(node: int) -> slice:
-        return slice(per_node * node, per_node * (node + 1))
-
-    if shaft := machine.shaft:
-        for i, length in enumerate(np.diff(shaft.nodes)):
-            both = slice(4 * i, 4 * i + 8)
-            m, g, k = shaft_element(shaft.element, length, shaft.young, shaft.density,
-                                    shaft.area[i],
-                                    shaft.second_moment[i], shaft.poisson, shaft.shear_coefficient)
-            M[both, both] += m
-            G[both, both] += g
-            K[both, both] += k
+    generator = np.eye(2, n)
+    if machine.shaft:
+        add_shaft(machine.shaft, M, G, K)
     for body in machine.bodies:
-        at = dofs(body.node)
+        at = slice(per_node * body.node, per_node * (body.node + 1))
         link = rigid_link(body.offset)[:, :per_node] if per_node == 4 else np.eye(4, 2)
         m, g = body_matrices(body)
         M[at, at] += link.T @ m @ link
@@ -298,29 +399,34 @@ def assemble(machine: Machine) -> Model:
         unbalance_sin[at] += body.unbalance * centre.T @ [c, -s]
         unbalance_cos[at] += body.unbalance * centre.T @ [s, c]
         if body.name == (machine.air_gap.body if machine.air_gap else machine.bodies[0].name):
-            selection = np.zeros((2, n))
-            selection[:, at] = centre
-    for bearing in machine.bearings:
-        xz = slice(per_node * bearing.node, per_node * bearing.node + 2)
-        K[xz, xz] += bearing.stiffness
-        C[xz, xz] += bearing.damping
-        if np.array_equal(bearing.stiffness, bearing.stiffness[0, 0] * np.eye(2)):
-            supports[bearing.name] = np.eye(n)[xz]
-            support_stiffness[bearing.name] = float(bearing.stiffness[0, 0])
-    for bearing in machine.thrust_bearings:
-        tilt = slice(4 * bearing.node + 2, 4 * bearing.node + 4)
-        K[tilt, tilt] += bearing.tilt_stiffness * np.eye(2)
-    law, selection = attach(machine, per_node, selection)
-    # A linear bearing stands for each nonlinear one, and its law takes it back; Rayleigh damping
-    # counts pads as closed.
-    for pads in machine.pad_bearings:
-        add_spring(K, per_node * pads.node, pads.law().reference)
-    rayleigh = rayleigh_coefficients(M, K, machine.damping.ratio) if machine.damping else (0.0, 0.0)
-    C += rayleigh[0] * M + rayleigh[1] * K
-    for film in machine.films:
-        add_spring(K, per_node * film.node, film.law(machine.speed).reference)
+            generator = np.zeros((2, n))
+            generator[:, at] = centre
+    supports: dict[str, Support] = {}
+    for bearing in machine.all_bearings:
+        rows = place(bearing.node, per_node, n, 2 * bearing.tilts)
+        stiffness, damping = bearing.matrices()
+        bent = bearing.law(machine.speed)
+        if bent:  # a linear bearing stands for it, and its law takes it back
+            stiffness = bent.reference * np.eye(2)
+        K += rows.T @ stiffness @ rows
+        C += rows.T @ damping @ rows
+        if not bearing.tilts:
+            supports[bearing.name] = Support(rows, stiffness, damping, bent)
+    law, selection = attach(machine, generator, supports)
+    return Model(machine.name, M, C, G, K, unbalance_sin, unbalance_cos, selection, law,
+                 machine.air_gap.gap if machine.air_gap else math.inf,
+                 machine.shaft.nodes if machine.shaft else np.zeros(1), np.eye(n),
+                 supports=supports)
 
-    gap = machine.air_gap.gap if machine.air_gap else math.inf
-    depths = machine.shaft.nodes if machine.shaft else np.zeros(1)
-    return Model(machine.name, M, C, G, K, unbalance_sin, unbalance_cos, selection, law, gap,
-                 depths, np.eye(n), rayleigh, supports, support_stiffness)
+
+def assemble(machine: Machine) -> Model:
+    """The model of a machine; four DOFs a node (x, z, θx, θz), or two for a point mass."""
+    made = bare(machine)
+    C, rayleigh = made.C, (0.0, 0.0)
+    if machine.damping:
+        # pads count as closed; the spring that stands for a film is none
+        films = [s for s in made.supports.values() if s.law and s.law.moving]
+        K = made.K - sum((s.rows.T @ s.stiffness @ s.rows for s in films), np.zeros_like(made.K))
+        rayleigh = rayleigh_coefficients(made.M, K, machine.damping.ratio)
+        C = C + rayleigh[0] * made.M + rayleigh[1] * K
+    return replace(made, C=C, rayleigh=rayleigh, origin=Origin(machine, made, made.law))

@@ -230,6 +230,15 @@ class ShapedPull(ForceLaw):
     def __post_init__(self) -> None:
         object.__setattr__(self, "moving", bool(self.rotor or self.waves))
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ShapedPull) and self._told() == other._told()
+
+    def __hash__(self) -> int:
+        return hash(self._told())
+
+    def _told(self) -> tuple:
+        return self.stiffness, self.gap, self.shape.tobytes(), self.rotor, self.waves
+
     @property
     def angles(self) -> NDArray:
         """The gap angles of the quadrature, rad, (N,)."""

@@ -167,8 +167,9 @@ def test_both_ways(unit, speed, parameter, up, down):
         elif parameter == "unbalance":
             model = unit.with_unbalance(value)
         else:
-            rows = unit.supports["guide"]
-            model = replace(unit, K=unit.K + (value - unit.support_stiffness["guide"]) * rows.T
+            guide = unit.supports["guide"]
+            rows = guide.rows
+            model = replace(unit, K=unit.K + (value - guide.stiffness[0, 0]) * rows.T
                             @ rows)
         alone = HarmonicBalance().solve(model, arguments["speed"], arguments["static_eccentricity"],
                                         direction=arguments["direction"])
