@@ -6,13 +6,14 @@ import math
 
 from hydrolab.dynamics.batch import update_branch
 from hydrolab.dynamics.branches import Arclength, follow, orbits_at, sweep
-from hydrolab.dynamics.ensemble import basins, poincare, sweep_in_time
+from hydrolab.dynamics.ensemble import basins
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import ellipse, self_crossings
 from hydrolab.dynamics.integrate import CentralDifference, Newmark, RungeKutta, integrate
 from hydrolab.dynamics.maps import steady_map
 from hydrolab.dynamics.modes import campbell, modes
 from hydrolab.dynamics.reduction import reduce, truncation_error
+from hydrolab.dynamics.slow_change import drift, poincare, sweep_in_time
 from hydrolab.dynamics.solvers import newton, powell_dog_leg
 from hydrolab.dynamics.stability import branch_stability, floquet, stable_orbits_at
 from hydrolab.errors import BadInput, Contact, NoConvergence
@@ -25,7 +26,7 @@ __all__ = [
     "LinearPull",
     "Newmark", "NoConvergence", "RungeKutta", "ShapedPull", "basins", "branch_stability",
     "campbell", "card_names",
-    "card_text", "ellipse", "floquet", "follow", "integrate", "load_machine", "modes", "newton",
+    "card_text", "drift", "ellipse", "floquet", "follow", "integrate", "load_machine", "modes", "newton",
     "orbits_at",
     "poincare", "powell_dog_leg", "reduce", "rpm", "self_crossings", "stable_orbits_at",
     "steady_map", "sweep",

@@ -2,19 +2,21 @@
 
 `harmonic_balance` finds a periodic orbit, `branches` follows it through folds with `continuation`,
 `stability` says which orbits last, `batch` solves many at once and `maps` over two parameters.
-`integrate` moves in time, `ensemble` many motions side by side. `modes`, `reduction` and
+`integrate` moves in time, `ensemble` many motions side by side, `slow_change` a parameter while
+they move. `modes`, `reduction` and
 `equilibrium` are the linear machine; `harmonics` holds sums of harmonics, `results` what comes out.
 A function that bears its module's name, `modes` or `integrate`, is imported from `hydrolab`.
 """
 
 from hydrolab.dynamics.branches import Arclength, arclength, follow, locate_fold, orbits_at, sweep
-from hydrolab.dynamics.ensemble import basins, poincare, split, sweep_in_time
+from hydrolab.dynamics.ensemble import basins, split
 from hydrolab.dynamics.equilibrium import equilibrium, largest_offset
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance, first_guess
 from hydrolab.dynamics.harmonics import ellipse, fit, fourier_rows, rates, synthesise
 from hydrolab.dynamics.maps import steady_map
 from hydrolab.dynamics.modes import undamped_frequencies
 from hydrolab.dynamics.results import Branch, PeriodicOrbit
+from hydrolab.dynamics.slow_change import drift, poincare, sweep_in_time
 from hydrolab.dynamics.stability import (
     branch_stability,
     floquet,
@@ -25,8 +27,8 @@ from hydrolab.dynamics.stability import (
 
 __all__ = [
     "Arclength", "Branch", "HarmonicBalance", "PeriodicOrbit", "arclength", "basins",
-    "branch_stability", "ellipse", "equilibrium", "first_guess", "fit", "floquet", "floquet_all", "follow",
-    "fourier_rows", "largest_offset", "locate_fold", "orbits_at", "poincare", "rates", "split",
-    "stable_orbits_at", "steady_map", "strang_product", "sweep", "sweep_in_time", "synthesise",
-    "undamped_frequencies",
+    "branch_stability", "drift", "ellipse", "equilibrium", "first_guess", "fit", "floquet",
+    "floquet_all", "follow", "fourier_rows", "largest_offset", "locate_fold", "orbits_at",
+    "poincare", "rates", "split", "stable_orbits_at", "steady_map", "strang_product", "sweep",
+    "sweep_in_time", "synthesise", "undamped_frequencies",
 ]

@@ -1,19 +1,19 @@
-"""The motion split in two parts that each have an exact solution (Strang 1968).
+"""Thousands of motions at once: the motion split in two parts that each have an exact solution.
 
-The linear rotor with its unbalance and the negative stiffness of the centred pull is advanced
-exactly, by the exponential of its constant matrix about its own steady response. What that linear
-pull misses acts as a kick on the velocities in the middle of each step. Second order in the step,
-no stability limit, and one small matrix product moves thousands of motions at once.
+The linear rotor with its unbalance and the slope of the pull at rest is advanced exactly, by the
+exponential of its constant matrix about its own steady response. What that linear pull misses acts
+as a kick on the velocities in the middle of each step (Strang 1968). Second order in the step, no
+stability limit, and one small matrix product moves thousands of motions. Stator, field and
+unbalance may be each motion's own and may move in time, which is a kick as well.
 
-Which steady state does the rotor end in? Thousands of starts, advanced together.
-
-What a machine does when its eccentricity grows and shrinks slowly: jumps and hysteresis, in time.
+Which steady state does the rotor end in? `basins` starts it off one of them everywhere.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -27,17 +27,38 @@ from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
 
+Progress = Callable[[int, int], None]
+
+
+class Setting(NamedTuple):
+    """What may differ between motions and move in time.
+
+    centre: of the stator, m, (2, members). field, unbalance: factors on the machine's own,
+    (members,). One column or number stands for all members.
+    """
+
+    centre: NDArray
+    field: NDArray | float = 1.0
+    unbalance: NDArray | float = 1.0
+
+    def of(self, members: NDArray) -> Setting:
+        """That of some of the members."""
+        return Setting(*(x[..., members] if np.ndim(x) and np.shape(x)[-1] > 1 else x
+                         for x in self))
+
+
+Course = Callable[[float], Setting]  # the setting at a time, counted in revolutions
+
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """A reduced model at one speed, ready to be advanced; a state is [q, q̇] less the linear
-    response, (2r, …).
+    """A reduced model at one speed, ready to be advanced; a state is [q, q̇], (2r, members).
 
     constant: matrix of the linear part, (2r, 2r). watch, watch_rate: the c nonlinear coordinates of
     a state and their velocities, (c, 2r); the generator's (x, z) are first. push: change of a state
     by a unit impulse on them, (2r, c). slope: that of the forces at rest, in the linear part, N/m,
-    (c, c). turning, static: the linear response at phase φ is Re(turning e^{iφ}) + static · centre;
-    (2r,) complex, (2r, 2).
+    (c, c). shake: change of a state's rate by the unbalance at phase φ, Re(shake e^{iφ}), and
+    turning: the linear response to it, (2r,) complex. static: that to the stator's centre, (2r, 2).
     """
 
     model: Model
@@ -47,21 +68,26 @@ class Split:
     watch_rate: NDArray
     push: NDArray
     slope: NDArray
+    shake: NDArray
     turning: NDArray
     static: NDArray
 
-    def response(self, phase: float, centre: NDArray) -> NDArray:
-        """The linear steady response [q, q̇] at a phase with the stator at `centre` (m), (2r,)."""
-        return (self.turning * np.exp(1j * phase)).real + self.static @ centre
+    def response(self, phase: float, setting: Setting) -> NDArray:
+        """The linear steady response [q, q̇] at a phase, (2r, members)."""
+        turning = np.outer((self.turning * np.exp(1j * phase)).real, setting.unbalance)
+        return turning + self.static @ setting.centre
 
-    def state(self, orbit: PeriodicOrbit, full: Model) -> NDArray:
-        """State of an orbit of the full model at phase 0, (2r,), by mass-weighted projection."""
+    def state(self, orbit: PeriodicOrbit, phase: float = 0.0) -> NDArray:
+        """State of an orbit of the full model at a phase (rad), (2r,), by mass-weighted
+        projection.
+        """
+        full, small, shaft = orbit.model, self.model, orbit.shaft
         k = np.arange(1, orbit.harmonics + 1) / orbit.revolutions
-        shaft = orbit.shaft
-        q, v = shaft[:, 0] + shaft[:, 2::2].sum(axis=1), shaft[:, 1::2] @ (k * orbit.speed)
-        small = self.model
+        sine, cosine = np.sin(k * phase), np.cos(k * phase)
+        q = shaft[:, 0] + shaft[:, 1::2] @ sine + shaft[:, 2::2] @ cosine
+        v = self.speed * (shaft[:, 1::2] @ (k * cosine) - shaft[:, 2::2] @ (k * sine))
         project = np.linalg.solve(small.M, small.shaft_map.T @ full.M @ full.shaft_map)
-        return np.concatenate([project @ q, project @ v]) - self.response(0.0, orbit.centre)
+        return np.concatenate([project @ q, project @ v])
 
 
 def split(model: Model, speed: float, modes: int = 12) -> Split:
@@ -76,13 +102,14 @@ def split(model: Model, speed: float, modes: int = 12) -> Split:
                          [-inverse @ stiffness, -inverse @ velocity]])
     zeros = np.zeros_like(small.selection)
     push = np.vstack([zeros.T, inverse @ small.selection.T])
-    forced = np.linalg.solve(stiffness - speed**2 * small.M + 1j * speed * velocity,
-                             speed**2 * (small.unbalance_cos - 1j * small.unbalance_sin))
+    load = speed**2 * (small.unbalance_cos - 1j * small.unbalance_sin)
+    forced = np.linalg.solve(stiffness - speed**2 * small.M + 1j * speed * velocity, load)
     static = np.linalg.solve(stiffness, -small.selection.T @ slope[:, :2])
     return Split(small, float(speed), constant, np.hstack([small.selection, zeros]),
-                 np.hstack([zeros, small.selection]),
-                 push, slope, np.concatenate([forced, 1j * speed * forced]),
-                 np.vstack([static, np.zeros_like(static)]))
+                 np.hstack([zeros, small.selection]), push, slope,
+                 shake=np.concatenate([np.zeros(r), inverse @ load]),
+                 turning=np.concatenate([forced, 1j * speed * forced]),
+                 static=np.vstack([static, np.zeros_like(static)]))
 
 
 @lru_cache(maxsize=64)
@@ -94,12 +121,89 @@ def flows(system: Split, steps: int) -> tuple[NDArray, NDArray]:
     return scipy.linalg.expm(system.constant * h), scipy.linalg.expm(system.constant * (h / 2))
 
 
+def turn(system: Split, states: NDArray, course: Course, first: float, steps: int,
+         members: NDArray) -> tuple[NDArray, NDArray]:
+    """One revolution of many motions, from phase 0 at the time `first` (in revolutions).
+
+    states: [q, q̇], (2r, m). members: their numbers in the course, (m,). Returns the states at the
+    end, and the time at which each touched, nan where it did not; the state of one that touched
+    means nothing.
+    """
+    flow, half = flows(system, steps)
+    h = 2 * math.pi / system.speed / steps
+    phases = 2 * math.pi * (np.arange(steps) + 0.5) / steps
+    law, push, contact = system.model.law, h * system.push, np.full(len(members), np.nan)
+    # the state is measured from the linear response to the setting at the start
+    start = course(first)
+    base = start.of(members)
+    response = system.response(0.0, base)
+    wave = np.outer(np.exp(1j * phases), system.watch @ system.turning).real
+    rest = system.watch @ system.static @ base.centre
+    rest[:2] -= base.centre
+    now = half @ (states - response)
+    for n, phase in enumerate(phases):
+        time = first + (n + 0.5) / steps
+        setting = course(time)
+        here = base if setting is start else setting.of(members)
+        place = system.watch @ now + np.outer(wave[n], base.unbalance) + rest
+        moved = place if here is base else _shifted(place, base.centre - here.centre)
+        touching = ~(law.smallest_gap(moved, phase) > 0)
+        if touching.any():
+            contact[touching & np.isnan(contact)] = time
+            now[:, touching] = place[:, touching] = 0.0  # parked until the revolution ends
+            moved = np.where(touching, 0.0, moved)
+        now = now + push @ (_force(system, moved, phase, here.field) - system.slope @ place)
+        if here is not base and np.any(here.unbalance != base.unbalance):
+            now += np.outer(h * (system.shake * np.exp(1j * phase)).real,
+                            here.unbalance - base.unbalance)
+        now = (flow if n < steps - 1 else half) @ now
+    return now + response, contact
+
+
+def _shifted(place: NDArray, by: NDArray) -> NDArray:
+    """Coordinates with the generator's (x, z) moved."""
+    moved = place.copy()
+    moved[:2] += by
+    return moved
+
+
+def _force(system: Split, place: NDArray, phase: float, field: NDArray | float) -> NDArray:
+    """Forces on the nonlinear coordinates with the field at a factor, N, (c, members)."""
+    law = system.model.law
+    more = (None, phase, system.speed) if law.moving else ()
+    force = law.force(place, *more)
+    if np.all(field == 1):
+        return force
+    without = law.scaled(0.0).force(place, *more)
+    return without + field**2 * (force - without)  # the pull goes with the square
+
+
+def motions(system: Split, states: NDArray, course: Course, steps: int = 128,
+            first: int = 0) -> Iterator[tuple[NDArray, NDArray]]:
+    """Many motions from phase 0 of the revolution `first`: after each revolution their states,
+    (2r, members), and when each touched the stator, in revolutions (nan where it did not).
+
+    A member that touched is left out from then on, and its state is nan. Goes on for ever, or until
+    all have touched. Raises BadInput for a force that depends on the velocity.
+    """
+    rest = np.zeros(len(system.watch))
+    if system.model.law.linearise(rest, rest, 0.0, system.speed)[2] is not None:
+        raise BadInput(f"{system.model.name} has a force that depends on the velocity; many "
+                       "motions at once are made for forces of place and phase. Use `integrate`.")
+    states, contact = states.copy(), np.full(states.shape[1], np.nan)
+    while len(going := np.flatnonzero(np.isnan(contact))):
+        ends, contact[going] = turn(system, states[:, going], course, first, steps, going)
+        states[:, going] = np.where(np.isnan(contact[going]), ends, np.nan)
+        first += 1
+        yield states.copy(), contact.copy()
+
+
 class Advanced(NamedTuple):
     """Where many motions came to.
 
-    states: (2r, members). contact: revolution at which a member touched the stator, nan where it
-    did not; such a member is left there. revolutions: whole revolutions made, fewer than asked for
-    after an interrupt.
+    states: [q, q̇], (2r, members), nan for one that touched. contact: revolution at which a member
+    touched the stator, nan where it did not. revolutions: whole revolutions made, fewer than asked
+    for after an interrupt.
     """
 
     states: NDArray
@@ -107,58 +211,61 @@ class Advanced(NamedTuple):
     revolutions: int
 
 
-def advance(system: Split, states: NDArray, centre: NDArray, revolutions: int, steps: int = 128, *,
-            progress: Callable[[int, int], None] | None = None) -> Advanced:
-    """Advance many states by whole revolutions, from phase 0.
+def advance(system: Split, begin: NDArray, setting: Setting | Course, revolutions: int,
+            steps: int = 128, *, progress: Progress | None = None) -> Advanced:
+    """Advance many states, (2r, members), by whole revolutions of `steps` steps, from phase 0.
 
-    states: (2r, members). centre: stator centre, m, (2,). steps: in a revolution.
     An interrupt (Ctrl-C) returns the state after the last whole revolution.
-    Raises BadInput for a force that depends on the velocity or the phase, which `integrate` takes.
     """
-    if system.model.law.moving:
-        raise BadInput(f"{system.model.name} has a force that depends on velocity or phase; many "
-                       "motions at once are "
-                       "made for forces of position alone. Use `integrate`.")
-    h = 2 * math.pi / system.speed / steps
-    flow, half = flows(system, steps)
-    middle = 2 * math.pi * (np.arange(steps) + 0.5) / steps
-    forced = np.outer(np.exp(1j * middle), system.watch
-                      @ system.turning).real + system.watch @ system.static @ centre
-    forced[:, :2] -= centre
-    law, watch, push, slope = system.model.law, system.watch, h * system.push, system.slope
-    out, contact = states.copy(), np.full(states.shape[1], np.nan)
-    active = np.arange(states.shape[1])
-    now, done = states, 0
-    try:
-        for revolution in range(revolutions):
-            now = half @ now
-            touched = np.zeros(now.shape[1], dtype=bool)
-            for n in range(steps):
-                place = watch @ now + forced[n][:, None]
-                new = ~(law.smallest_gap(place) > 0) & ~touched
-                if new.any():
-                    contact[active[new]] = revolution + (n + 0.5) / steps
-                    out[:, active[new]] = now[:, new]
-                    touched |= new
-                    now[:, touched] = 0.0  # parked inside the gap until the revolution ends
-                    place = watch @ now + forced[n][:, None]
-                now = now + push @ (law.force(place) - slope @ place)
-                now = (flow if n < steps - 1 else half) @ now
-            if touched.any():
-                active, now = active[~touched], now[:, ~touched]
-            out[:, active] = now
-            done = revolution + 1
+    course = (lambda time: setting) if isinstance(setting, Setting) else setting
+    out = Advanced(begin, np.full(begin.shape[1], np.nan), 0)
+    with suppress(KeyboardInterrupt):
+        for states, contact in motions(system, begin, course, steps):
+            out = Advanced(states, contact, out.revolutions + 1)
             if progress:
-                progress(revolution + 1, revolutions)
-            if not len(active):
-                return Advanced(out, contact, revolutions)
-    except KeyboardInterrupt:
-        pass
-    return Advanced(out, contact, done)
+                progress(out.revolutions, revolutions)
+            if out.revolutions == revolutions:
+                return out
+        return out._replace(revolutions=revolutions)  # all touched: nothing is left to do
+    return out
 
 
 CONTACT, OTHER = -1, -2
 CLOSE = 0.02  # of the gap: how near an orbit a motion must end to count as having reached it
+
+
+def reached(system: Split, states: NDArray, orbits: Sequence[PeriodicOrbit]) -> NDArray:
+    """Which orbit each of many states at phase 0 is on, to `CLOSE`; CONTACT where it is nan, OTHER
+    for none; (members,).
+    """
+    small, speed = system.model, system.speed
+    look = np.vstack([system.watch[:2], system.watch_rate[:2] / speed]) / small.gap
+    ends, nearest = np.full(states.shape[1], OTHER), np.full(states.shape[1], CLOSE)
+    for index, orbit in enumerate(orbits):
+        for revolution in range(orbit.revolutions):
+            there = look @ system.state(orbit, 2 * math.pi * revolution)
+            away = np.abs(look @ states - there[:, None]).max(axis=0)
+            closer = away < nearest  # false for nan
+            ends[closer], nearest[closer] = index, away[closer]
+    ends[np.isnan(states[0])] = CONTACT
+    return ends
+
+
+def push_shapes(system: Split) -> NDArray:
+    """The static deflection that moves the generator by 1 along x and not along z, (r,)."""
+    small = system.model
+    generator = small.selection[:2]
+    shapes = np.linalg.solve(small.K, generator.T)
+    return shapes @ np.linalg.solve(generator @ shapes, [1.0, 0.0])
+
+
+def starts(system: Split, orbit: PeriodicOrbit, displacement: NDArray,
+           velocity: NDArray) -> NDArray:
+    """States off an orbit at phase 0 by every pair of displacement (m) and velocity (m/s) along x,
+    in the shape of the static deflection under the pull, (2r, velocities · displacements).
+    """
+    shape, (v, d) = push_shapes(system), np.meshgrid(velocity, displacement, indexing="ij")
+    return system.state(orbit)[:, None] + np.vstack([np.outer(shape, d), np.outer(shape, v)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,144 +293,36 @@ class Basins:
     def __str__(self) -> str:
         shares = [f"{100 * self.share(i):.1f} % on orbit {i}" for i in range(len(self.orbits))]
         return (f"{self.ends.size} starts after {self.revolutions} revolutions: "
-                f"{', '.join(shares)}, "
-                f"{100 * self.share(CONTACT):.1f} % in contact, {100 * self.share(OTHER):.1f} % on "
-                "none of these.")
+                f"{', '.join(shares)}, {100 * self.share(CONTACT):.1f} % in contact, "
+                f"{100 * self.share(OTHER):.1f} % on none of these.")
 
 
 def basins(orbits: Sequence[PeriodicOrbit], displacement: ArrayLike, velocity: ArrayLike, *,
-           revolutions: int = 200,
-           steps: int = 128, modes: int = 6,
-           progress: Callable[[int, int], None] | None = None) -> Basins:
+           revolutions: int = 200, steps: int = 128, modes: int = 6,
+           progress: Progress | None = None) -> Basins:
     """Start the generator off the first orbit with every pair of displacement (m) and velocity
     (m/s), and see.
 
-    orbits: steady states of one model at one speed and eccentricity; usually the stable ones.
-    Raises BadInput where they are not, or a start is not finite. A start outside the gap counts as
-    contact at once.
+    orbits: steady states of one model at one speed and eccentricity, of one revolution or several;
+    usually the stable ones. revolutions: made, of `steps` steps, on `modes` modes. progress: called
+    with the revolutions done and all. Raises BadInput where the orbits do not belong together, or a
+    start is not finite. A start outside the gap counts as contact at once.
     """
-    displacement, velocity = np.atleast_1d(displacement).astype(float), np.atleast_1d(velocity).astype(float)
+    displacement = np.atleast_1d(np.asarray(displacement, dtype=float))
+    velocity = np.atleast_1d(np.asarray(velocity, dtype=float))
     if not orbits:
         raise BadInput("orbits is empty; give at least one steady state to start from.")
     first = orbits[0]
     if any(o.model is not first.model or o.speed != first.speed
-           or np.abs(o.centre - first.centre).max() > 1e-12
-           for o in orbits):
+           or np.abs(o.centre - first.centre).max() > 1e-12 for o in orbits):
         raise BadInput("the orbits belong to different models, speeds or eccentricities; basins "
                        "are of one.")
     if not (np.isfinite(displacement).all() and np.isfinite(velocity).all()):
         raise BadInput("a starting displacement or velocity is not finite.")
     system = split(first.model, first.speed, modes)
-    small, r = system.model, system.model.size
-    generator = small.selection[:2]
-    shape = np.linalg.solve(small.K, generator.T)
-    shape = shape @ np.linalg.solve(generator @ shape, [1.0, 0.0])
-    grid_v, grid_d = np.meshgrid(velocity, displacement, indexing="ij")
-    start = system.state(first, first.model)[:, None] + np.vstack([np.outer(shape, grid_d),
-                                                                   np.outer(shape, grid_v)])
-    states, contact, made = advance(system, start, first.centre, revolutions, steps,
+    states, contact, made = advance(system, starts(system, first, displacement, velocity),
+                                    Setting(first.centre[:, None]), revolutions, steps,
                                     progress=progress)
-
-    scale = np.concatenate([np.full(2, small.gap), np.full(2, small.gap * first.speed)])
-    ends = np.full(states.shape[1], OTHER)
-    nearest = np.full(states.shape[1], math.inf)
-    look = np.zeros((4, 2 * r))
-    look[:2, :r] = look[2:, r:] = generator
-    for index, orbit in enumerate(orbits):
-        there = look @ system.state(orbit, first.model)
-        away = np.abs((look @ states - there[:, None]) / scale[:, None]).max(axis=0)
-        closer = (away < CLOSE) & (away < nearest)
-        ends[closer], nearest[closer] = index, away[closer]
-    ends[np.isfinite(contact)] = CONTACT
     grid = (len(velocity), len(displacement))
-    return Basins(displacement, velocity, ends.reshape(grid), contact.reshape(grid), tuple(orbits),
-                  made)
-
-
-@dataclass(frozen=True, eq=False)
-class Passage:
-    """A motion while the static eccentricity moved in small steps.
-
-    static_eccentricity: shape (n,), in the order passed. section: (x, z) of the generator centre at
-    phase 0 after each of the last revolutions at that value, m, (n, kept, 2). stopped: why it ends,
-    in words.
-    """
-
-    static_eccentricity: NDArray
-    section: NDArray
-    stopped: str
-
-    @property
-    def settled(self) -> NDArray:
-        """Whether the motion repeats every revolution to 1 µm at each value, (n,)."""
-        return np.ptp(self.section, axis=1).max(axis=1) < 1e-6
-
-    def __str__(self) -> str:
-        return (f"Motion through {len(self.static_eccentricity)} eccentricities, on an orbit of "
-                "one revolution at "
-                f"{int(self.settled.sum())} of them. {self.stopped}")
-
-
-def sweep_in_time(start: PeriodicOrbit, values: Iterable[float], *, revolutions: int = 80,
-                  keep: int = 8,
-                  steps: int = 128, modes: int = 12,
-                  progress: Callable[[int, int], None] | None = None) -> Passage:
-    """Begin on an orbit and move the stator through these eccentricities, waiting `revolutions` at
-    each.
-
-    keep: revolutions at each value whose Poincaré section is kept. Ends early at contact or an
-    interrupt (Ctrl-C); the values passed before are kept. Raises BadInput for values or numbers
-    that do not fit.
-    """
-    values = np.array([float(v) for v in values])
-    if not len(values) or not np.isfinite(values).all() or np.abs(values).max() >= 1:
-        raise BadInput("values must be eccentricities, finite fractions of the gap between -1 and "
-                       "1, at least one.")
-    if not 1 <= keep <= revolutions:
-        raise BadInput(f"keep is {keep}; it must lie between 1 and the {revolutions} revolutions.")
-    system = split(start.model, start.speed, modes)
-    unit = direction(start)
-    centre = start.centre
-    state = system.state(start, start.model) + system.response(0.0, centre)
-    sections: list[NDArray] = []
-    for i, value in enumerate(values):
-        centre = value * start.model.gap * unit
-        state, stopped = _move(system, state, centre, revolutions - keep, steps)
-        section = []
-        while not stopped and len(section) < keep:
-            state, stopped = _move(system, state, centre, 1, steps)
-            section.append(system.watch[:2] @ state)
-        if stopped:
-            stopped = f"{stopped} at {100 * value:.4g} %."
-            return Passage(values[:i], np.array(sections).reshape(i, keep, 2), stopped)
-        sections.append(np.array(section))
-        if progress:
-            progress(i + 1, len(values))
-    return Passage(values, np.array(sections), "It passed all the values asked for.")
-
-
-def poincare(start: PeriodicOrbit, static_eccentricity: float, *, revolutions: int = 600,
-             keep: int = 300,
-             steps: int = 256, modes: int = 12) -> Passage:
-    """The Poincaré section at one eccentricity, of a motion that begins on an orbit found
-    elsewhere.
-    """
-    return sweep_in_time(start, [static_eccentricity], revolutions=revolutions, keep=keep,
-                         steps=steps, modes=modes)
-
-
-def direction(orbit: PeriodicOrbit) -> NDArray:
-    """Unit vector (x, z) along which the stator is offset; along x where it is not."""
-    if not orbit.static_eccentricity:
-        return np.array([1.0, 0.0])
-    return orbit.centre / (orbit.static_eccentricity * orbit.model.gap)
-
-
-def _move(system: Split, state: NDArray, centre: NDArray, revolutions: int,
-          steps: int) -> tuple[NDArray, str]:
-    """A whole state [q, q̇] moved on by whole revolutions, and what kept it from making them all.
-    """
-    base = system.response(0.0, centre)
-    moved, contact, made = advance(system, (state - base)[:, None], centre, revolutions, steps)
-    stopped = "The rotor touches the stator" if np.isfinite(contact[0]) else "It was interrupted"
-    return moved[:, 0] + base, stopped if np.isfinite(contact[0]) or made < revolutions else ""
+    return Basins(displacement, velocity, reached(system, states, orbits).reshape(grid),
+                  contact.reshape(grid), tuple(orbits), made)
