@@ -26,6 +26,7 @@ from hydrolab.dynamics.reduction import reduce
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
+from hydrolab.machine.quantities import whole
 
 Progress = Callable[[int, int], None]
 
@@ -112,6 +113,32 @@ def split(model: Model, speed: float, modes: int = 12) -> Split:
                  static=np.vstack([static, np.zeros_like(static)]))
 
 
+STIFF = 0.1  # largest stiffness of a kick times the square of the step, over the mass moved
+
+
+def split_for(orbit: PeriodicOrbit, steps: int, modes: int) -> Split:
+    """The split for motions around an orbit, of `steps` steps in a revolution.
+
+    Raises BadInput where kicks would not do: for a force that depends on the velocity, or one that
+    is stiff beside the step (a bearing, a crack).
+    """
+    whole("steps", steps, 8)
+    system = split(orbit.model, orbit.speed, modes)
+    phases = 2 * math.pi * np.arange(64 * orbit.revolutions) / 64
+    place = orbit.model.relative(orbit.coordinates(phases), orbit.centre[:, None])
+    _, slope, damping = orbit.model.law.linearise(place, 0 * place, phases, orbit.speed)
+    if damping is not None:
+        raise BadInput(f"{orbit.model.name} has a force that depends on the velocity; many motions "
+                       "at once are made for forces of place and phase. Use `integrate`.")
+    kicks = (system.watch_rate @ system.push) @ (slope.transpose(2, 0, 1) - system.slope)
+    stiff = np.abs(np.linalg.eigvals(kicks)).max() * (2 * math.pi / orbit.speed) ** 2
+    if stiff > STIFF * steps**2:
+        raise BadInput(f"steps is {steps}; forces of {orbit.model.name} that are not linear are "
+                       f"so stiff that it takes {math.ceil(math.sqrt(stiff / STIFF))} steps in a "
+                       "revolution. Use as many, or `integrate`.")
+    return system
+
+
 @lru_cache(maxsize=64)
 def flows(system: Split, steps: int) -> tuple[NDArray, NDArray]:
     """Exponentials of the constant part over one of `steps` steps in a revolution, and over half of
@@ -184,12 +211,8 @@ def motions(system: Split, states: NDArray, course: Course, steps: int = 128,
     (2r, members), and when each touched the stator, in revolutions (nan where it did not).
 
     A member that touched is left out from then on, and its state is nan. Goes on for ever, or until
-    all have touched. Raises BadInput for a force that depends on the velocity.
+    all have touched.
     """
-    rest = np.zeros(len(system.watch))
-    if system.model.law.linearise(rest, rest, 0.0, system.speed)[2] is not None:
-        raise BadInput(f"{system.model.name} has a force that depends on the velocity; many "
-                       "motions at once are made for forces of place and phase. Use `integrate`.")
     states, contact = states.copy(), np.full(states.shape[1], np.nan)
     while len(going := np.flatnonzero(np.isnan(contact))):
         ends, contact[going] = turn(system, states[:, going], course, first, steps, going)
@@ -319,7 +342,7 @@ def basins(orbits: Sequence[PeriodicOrbit], displacement: ArrayLike, velocity: A
                        "are of one.")
     if not (np.isfinite(displacement).all() and np.isfinite(velocity).all()):
         raise BadInput("a starting displacement or velocity is not finite.")
-    system = split(first.model, first.speed, modes)
+    system = split_for(first, steps, modes)
     states, contact, made = advance(system, starts(system, first, displacement, velocity),
                                     Setting(first.centre[:, None]), revolutions, steps,
                                     progress=progress)

@@ -16,10 +16,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hydrolab.dynamics.ensemble import CLOSE, Course, Progress, Setting, motions, split
+from hydrolab.dynamics.ensemble import CLOSE, Course, Progress, Setting, motions, split_for
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
-from hydrolab.machine.quantities import number, whole
+from hydrolab.machine.quantities import number
 
 KEPT = 4  # revolutions whose section a drift looks at, at each of its values
 REPEATS = 0.01  # of the gap: how closely a motion must come back in a drift to count as repeating
@@ -76,16 +76,22 @@ class Passage:
                 runs.append((period, value, value))
         return runs
 
-    def __str__(self) -> str:
-        if not len(self.values):
-            return self.stopped
+    @property
+    def told(self) -> str:
+        """The story in words, without its end."""
         kinds = {1: "repeats every revolution", 2: "repeats every two revolutions",
                  0: "does not repeat"}
-        runs = "; ".join(f"{kinds[p]} " + (f"at {_say(self.parameter, a)}" if a == b else
-                                           f"from {_say(self.parameter, a)} to "
-                                           f"{_say(self.parameter, b)}")
+
+        def say(value: float) -> str:
+            return _say(self.parameter, value)
+
+        return "; ".join(f"{kinds[p]} " + (f"at {say(a)}" if a == b else
+                                           f"from {say(a)} to {say(b)}")
                          for p, a, b in self.story)
-        return f"Motion while {self.parameter} moved: {runs}. {self.stopped} {self.doubt}".rstrip()
+
+    def __str__(self) -> str:
+        told = f"Motion while {self.parameter} moved: it {self.told}. " if self.told else ""
+        return f"{told}{self.stopped} {self.doubt}".rstrip()
 
 
 def settings(orbit: PeriodicOrbit, parameter: str) -> tuple[float, Callable[[NDArray], Setting]]:
@@ -141,8 +147,7 @@ def _sections(start: PeriodicOrbit, course: Course, members: int, steps: int,
     """The generator's (x, z) after each revolution, m, (2, members), and contacts as `motions` has
     them, of members that begin on an orbit.
     """
-    whole("steps", steps, 8)
-    system = split(start.model, start.speed, modes)
+    system = split_for(start, steps, modes)
     begin = np.repeat(system.state(start)[:, None], members, axis=1)
     for states, contact in motions(system, begin, course, steps):
         yield system.watch[:2] @ states, contact
@@ -168,26 +173,25 @@ def drift(start: PeriodicOrbit, parameter: str = "static_eccentricity", *, to: A
     if not total:
         raise BadInput(f"to is {to}, where the motion begins; give another value of {parameter}.")
     before = 2 * math.pi * np.arange(-KEPT + 1, 1)
-    section, stopped = list(start.positions(before).T), "It was interrupted"
+    section, touched, done = list(start.positions(before).T), False, 0
     course = _moving(setting, lambda time: np.interp([time], times, corners))
     with suppress(KeyboardInterrupt):
         for place, contact in _sections(start, course, 1, steps, modes):
-            done = len(section) - KEPT + 1
-            if np.isfinite(contact[0]):
-                stopped = "The rotor touches the stator"
+            if touched := bool(np.isfinite(contact[0])):
                 break
             section.append(place[:, 0])
+            done += 1
             if progress:
                 progress(done, total)
             if done == total:
-                stopped = "It went all the way"
                 break
-    values = np.interp(np.arange(1, len(section) - KEPT + 1), times, corners)
-    there = float(np.interp(len(section) - KEPT + 1, times, corners))
+    why = ("The rotor touches the stator" if touched else
+           "It went all the way" if done == total else "It was interrupted")
+    there = _say(parameter, float(np.interp(done + touched, times, corners)))
     windows = np.lib.stride_tricks.sliding_window_view(np.array(section), KEPT, axis=0)[1:]
-    near = REPEATS * start.model.length_scale
-    return Passage(parameter, values, windows.transpose(0, 2, 1), near,
-                   f"{stopped}, at {_say(parameter, there)}.")
+    return Passage(parameter, np.interp(np.arange(1, done + 1), times, corners),
+                   windows.transpose(0, 2, 1), REPEATS * start.model.length_scale,
+                   f"{why}, at {there}.")
 
 
 def _moving(setting: Callable[[NDArray], Setting],

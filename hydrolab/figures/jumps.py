@@ -9,14 +9,26 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
-from hydrolab.dynamics.ensemble import CONTACT, OTHER, Basins, Passage
+from hydrolab.dynamics.ensemble import CONTACT, OTHER, Basins
 from hydrolab.dynamics.results import Branch
+from hydrolab.dynamics.slow_change import Passage
 from hydrolab.dynamics.stability import Floquet
 from hydrolab.figures.drawing import MM, UM
 from hydrolab.figures.orbits import draw_branch
 from hydrolab.figures.picture import Picture
 from hydrolab.figures.readings import listed, percent
-from hydrolab.figures.style import BLACK, BLUE, COLOURS, ORANGE, PURPLE, SKY, YELLOW, house_style, new_figure
+from hydrolab.figures.style import (
+    BLACK,
+    BLUE,
+    COLOURS,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    YELLOW,
+    house_style,
+    new_figure,
+)
 
 if TYPE_CHECKING:
     import xarray
@@ -30,7 +42,7 @@ def hysteresis_picture(branch: Branch, stability: Sequence[Floquet],
     """A branch and what a machine does in time while the eccentricity moves slowly.
 
     Shown is x at the moment Ωt = 0: one dot a value where the motion repeats every revolution, more
-    where it does not. passages: by name, as `sweep_in_time` returns them; at most three.
+    where it does not. passages: by name, as `sweep_in_time` and `drift` return them; at most three.
     """
     figure = new_figure(11, 6)
     axes = figure.subplots()
@@ -38,7 +50,7 @@ def hysteresis_picture(branch: Branch, stability: Sequence[Floquet],
     draw_branch(axes, branch, lambda c: c[..., 0, 0] + c[..., 0, 2::2].sum(axis=-1), stability)
     words = []
     for (name, passage), (marker, colour) in zip(passages.items(), PASSAGES, strict=False):
-        values = np.repeat(100 * passage.static_eccentricity, passage.section.shape[1])
+        values = np.repeat(100 * passage.values, passage.section.shape[1])
         axes.plot(values, UM * passage.section[:, :, 0].ravel(), marker, color=colour,
                   markersize=4.5, linestyle="none",
                   label=f"{name}, in time")
@@ -51,24 +63,22 @@ def hysteresis_picture(branch: Branch, stability: Sequence[Floquet],
 
 
 def _passage_words(passage: Passage) -> str:
-    """From where to where, where it stops repeating every revolution, and how it ends."""
-    if not len(passage.static_eccentricity):
-        return passage.stopped
-    values, jumps = passage.static_eccentricity, np.abs(np.diff(passage.section[:, -1],
-                                                                axis=0)).max(axis=1)
-    said = f"from {percent(values[0])} to {percent(values[-1])}"
-    if len(jumps) and jumps.max() > max(5 * np.median(jumps), 20e-6) and passage.settled.all():
-        said += f", with a jump of {MM * jumps.max():.2f} mm at {percent(values[int(np.argmax(jumps)) + 1])}"
-    if not passage.settled.all():
-        said += f"; from {percent(values[int(np.argmin(passage.settled))])} on it no longer repeats every revolution"
-    return f"{said}. {passage.stopped}"
+    """What it did on the way, where it jumped, and how it ends."""
+    means = passage.section.mean(axis=1)
+    jumps = np.abs(np.diff(means, axis=0)).max(axis=1, initial=0.0)
+    jump = ""
+    if len(jumps) and passage.settled.all() and jumps.max() > max(5 * np.median(jumps), 20e-6):
+        jump = (f", with a jump of {MM * jumps.max():.2f} mm at "
+                f"{percent(passage.values[int(np.argmax(jumps)) + 1])}")
+    return f"{passage.told}{jump}. {passage.stopped} {passage.doubt}".strip(" .") + "."
 
 
 @house_style()
 def basins_picture(found: Basins, names: Sequence[str]) -> Picture:
     """Where each start ends; names: of the orbits, in their order."""
     kinds = [*range(len(found.orbits)), OTHER, CONTACT]
-    colours = [SKY, ORANGE, YELLOW, PURPLE][:len(found.orbits)] + ["#BBBBBB", BLACK]
+    reached = [(SKY, ORANGE, YELLOW, PURPLE, GREEN, BLUE)[i % 6] for i in range(len(found.orbits))]
+    colours = [*reached, "#BBBBBB", BLACK]
     labels = [*names, "anything else", "contact"]
     shown = np.searchsorted(np.array(sorted(kinds)), found.ends)
     order = [kinds.index(kind) for kind in sorted(kinds)]

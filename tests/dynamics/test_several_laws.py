@@ -160,7 +160,7 @@ def test_only_the_pull_goes_with_the_field(machine):
 
 
 def test_many_motions_at_once_are_refused(machine, speed):
-    with pytest.raises(BadInput, match="velocity or phase"):
+    with pytest.raises(BadInput, match="depends on the velocity"):
         basins([HarmonicBalance().solve(machine, speed, 0.05)], [0.0], [0.0], revolutions=1)
 
 
