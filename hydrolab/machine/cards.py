@@ -24,7 +24,14 @@ from hydrolab.errors import BadInput
 from hydrolab.machine.bearings import BEARINGS, Bearing
 from hydrolab.machine.crack import Crack
 from hydrolab.machine.gap_shape import GapShape
-from hydrolab.machine.parts import AirGap, Machine, RayleighDamping, RigidBody, Shaft
+from hydrolab.machine.parts import (
+    AirGap,
+    Machine,
+    RayleighDamping,
+    RigidBody,
+    Shaft,
+    require_machine,
+)
 from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.quantities import (
     UNITS,
@@ -433,7 +440,5 @@ def vary(machine: Machine, changes: Mapping[str, Any]) -> Machine:
     "field" for "air_gap.field" and "unbalance" for a factor on all unbalances. Raises BadInput for
     a key the machine does not have, or a value its part refuses.
     """
-    if not isinstance(machine, Machine):
-        raise BadInput(f"machine is a {type(machine).__name__}; it must be a Machine, such as "
-                       "load_machine returns.")
+    require_machine(machine)
     return machine.with_numbers(changes)

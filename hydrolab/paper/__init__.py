@@ -1,7 +1,8 @@
 """The paper's study: what it claims beside what is computed.
 
-`study` computes its figures' numbers, `claims` judges each claim, `calibration` finds what the paper
-does not say and the family of machines that share its data, `report` prints and writes the result.
+`study` computes its figures' numbers, `claims` judges each claim, `calibration` finds what the
+paper does not say and the family of machines that share its data, `report` prints and writes the
+result.
 """
 
 from hydrolab.paper.calibration import (

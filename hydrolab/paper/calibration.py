@@ -1,22 +1,20 @@
-"""The unknown half of the paper's machine: free data, their ranges, and how the rest is fixed.
+"""The unknown half of the paper's machine: free data, their ranges, and how the rest is fixed; the
+family of machines that this gives, and the one of them that ships.
 
 Figure 1 of Villa, Carvalho and Salomon is lost, and with it the masses, inertias, bearing
 positions, the turbine's link and the two unbalances. What the paper states is kept as stated. A
 member of the family is a draw of the free data (Latin hypercube over `FREE`); then
 - the unbalances are scaled so that the centred generator moves 200 µm (0-to-peak), with the field
-  or without,
-  since the paper does not say which;
+  or without, since the paper does not say which;
 - the depth of the guide bearing is found so that the first fold lies at 8.925 % of the gap.
 A draw for which no depth does that is rejected, with its reason. No claim of the paper takes part
-in this. Run `python -m hydrolab.paper.calibration` to make the family file again.
+in this.
 
-The family put to the paper's claims, and the choice of the unit that ships.
-
-Members were selected on the stated data alone (`hydrolab.paper.calibration`). Here each is studied
-and judged, and `python -m hydrolab.paper.calibration` writes the card of the member that agrees
-with most claims. A member whose fold moves by more than 0.1 % of the gap when a mass or an inertia
-grows by 1 % is passed over. Among equals the choice falls on the one whose stable steady states
-reach furthest past the first fold, because there is most to show.
+Then each member is studied and judged, and the one that agrees with most claims becomes the card.
+A member whose fold moves by more than 0.1 % of the gap when a mass or an inertia grows by 1 % is
+passed over. Among equals the choice falls on the one whose stable steady states reach furthest past
+the first fold, because there is most to show. `python -m hydrolab.paper.calibration` does all of
+this again.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ import json
 import math
 import os
 import signal
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
@@ -34,18 +32,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import qmc
 
-from hydrolab.dynamics.batch import Outcome, newton_batch, stack
 from hydrolab.dynamics.branches import Arclength, follow
-from hydrolab.dynamics.harmonic_balance import HarmonicBalance, condense
+from hydrolab.dynamics.harmonic_balance import condense
 from hydrolab.dynamics.harmonics import to_complex
 from hydrolab.errors import BadInput, Contact, NoConvergence
+from hydrolab.machine.bearings import RadialBearing, ThrustBearing
 from hydrolab.machine.cards import read_card, write_card
 from hydrolab.machine.model import Model
-from hydrolab.machine.parts import AirGap, Entry, Machine, RadialBearing, RayleighDamping, RigidBody, Shaft, ThrustBearing
+from hydrolab.machine.parts import AirGap, Machine, RayleighDamping, RigidBody, Shaft
+from hydrolab.machine.quantities import Entry
 from hydrolab.paper.claims import judge
 from hydrolab.paper.study import FAMILY_CARD, Study, run_study
 
@@ -57,6 +55,9 @@ FOLD = 0.08925
 ROTOR_RADIUS = 2.989  # m, Table 1: u0 − g0/2
 DEPTH_RANGE = (0.70, 1.30)  # m, where the guide bearing is looked for
 READINGS = {"with field": True, "without field": False}
+LARGEST_SENSITIVITY = 0.1  # % of the gap for 1 % of a mass or an inertia
+INERTIAS = ("generator_mass", "generator_gyration", "generator_shape", "turbine_mass",
+            "turbine_gyration", "turbine_shape")
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ class Member:
     def machine(self) -> Machine:
         """The member as a machine."""
         return build(self.free, self.bearing_depth, self.unbalance, name=f"member {self.number}, "
-                     f"{self.reading}")
+                                                                         f"{self.reading}")
 
 
 @dataclass(frozen=True)
@@ -220,11 +221,13 @@ def calibrate(free: Mapping[str, float], reading: str, number: int = 0) -> Membe
         return (1.0 if math.isnan(fold) else fold) - FOLD  # no fold: too stiff
 
     if not excess(DEPTH_RANGE[0]) > 0 > excess(DEPTH_RANGE[1]):
-        return f"no guide bearing between {DEPTH_RANGE[0]} and {DEPTH_RANGE[1]} m brackets a fold at 8.925 %"
+        return (f"no guide bearing between {DEPTH_RANGE[0]} and {DEPTH_RANGE[1]} m brackets a fold "
+                "at 8.925 %")
     depth = brentq(excess, *DEPTH_RANGE, xtol=1e-6)
     fold = excess(depth) + FOLD
     if not FOLD_RANGE[0] <= fold <= FOLD_RANGE[1]:
-        return f"the first fold jumps past 8.90 to 8.95 % as the guide bearing moves (to {100 * fold:.2f} %)"
+        return ("the first fold jumps past 8.90 to 8.95 % as the guide bearing moves (to "
+                f"{100 * fold:.2f} %)")
     machine = with_amplitude(free, depth, reading)
     return Member(number, reading, dict(free), depth, sum(b.unbalance for b in machine.bodies),
                   fold)
@@ -308,20 +311,6 @@ def load_family(path: Path | None = None) -> Family:
                   tuple((r["number"], r["reading"], r["reason"]) for r in content["rejected"]))
 
 
-if __name__ == "__main__":
-    drawn = draw_family(progress=lambda done, of: print(f"{done}/{of} draws", end="\r", flush=True))
-    save_family(drawn, family_file())
-    print(f"{len(drawn.members)} members, {len(drawn.rejected)} rejected, written to "
-          f"{family_file().name}")
-
-
-LARGEST_SENSITIVITY = 0.1  # % of the gap for 1 % of a mass or an inertia
-
-INERTIAS = ("generator_mass", "generator_gyration", "generator_shape", "turbine_mass",
-            "turbine_gyration",
-            "turbine_shape")
-
-
 @dataclass(frozen=True)
 class Verdicts:
     """What the study of one member found: its kind, which claims hold, or why it could not be
@@ -375,28 +364,6 @@ def judge_family(members: Iterable[Member], progress: Callable[[int, int], None]
         except (KeyboardInterrupt, BrokenProcessPool):
             pool.shutdown(cancel_futures=True)
     return [done[i] for i in sorted(done)]
-
-
-def family_orbits(members: Sequence[Member], static_eccentricity: float, *, harmonics: int = 4,
-                  steps: int = 10) -> tuple[NDArray, NDArray]:
-    """The steady states of all members at one eccentricity as one batch, raised to it in `steps`
-    steps.
-
-    Returns the coefficients of the generator's x and z, m, (members, 2, 2m + 1), nan where a member
-    has none on its first leg, and an `Outcome` for each.
-    """
-    balance = HarmonicBalance(harmonics)
-    machines = [member.machine() for member in members]
-    batch = stack([balance.equations(machine.model(), machine.speed) for machine in machines])
-    y = batch.linear
-    outcome = np.zeros(len(batch), dtype=np.int8)
-    for share in np.linspace(0, 1, steps + 1):
-        centre = share * static_eccentricity * batch.law.gap * [1.0, 0.0]
-        y, now = newton_batch(batch, y, centre)
-        outcome = np.where(outcome == Outcome.CONVERGED, now, outcome)
-    coefficients = batch.length[:, None, None] * y.reshape(len(y), 2, -1)
-    coefficients[outcome != Outcome.CONVERGED] = np.nan
-    return coefficients, outcome
 
 
 def tally(verdicts: Iterable[Verdicts], claim: int) -> dict[str, dict[str, int]]:
@@ -457,16 +424,13 @@ def ship(member: Member, path: Path) -> Member:
 
     card["about"] = (
         "A large vertical generator unit after the paper's Kaplan plant in the north of Brazil. "
-        "What the paper states is "
-        "kept. Its Figure 1 is lost, so the rest is our own calibration and not the paper's: "
-        f"member {member.number} of "
-        f"the family of hydrolab.paper.calibration, with 200 µm counted {member.reading}, chosen "
-        "because it agrees with most "
-        "claims of the paper.")
+        "What the paper states is kept. Its Figure 1 is lost, so the rest is our own calibration "
+        f"and not the paper's: member {member.number} of the family of hydrolab.paper.calibration, "
+        f"with 200 µm counted {member.reading}, chosen because it agrees with most claims of the "
+        "paper.")
     put(card["shaft"], "nodes", [rounded(y, 7) for y in machine.shaft.nodes], "m",
         "12 elements and 9.04 m: paper; guide bearing at node 1: puts the first fold at 8.925 %; "
-        "thrust bearing at node 6 "
-        "and turbine bearing at node 11: drawn")
+        "thrust bearing at node 6 and turbine bearing at node 11: drawn")
     for table, body in zip(card["bodies"], machine.bodies, strict=True):
         put(table, "mass", body.mass / 1000, "t", "drawn")
         put(table, "Id", rounded(body.Id, 6), "kg m^2", "drawn, by its share of Ip")
@@ -480,15 +444,27 @@ def ship(member: Member, path: Path) -> Member:
     return member
 
 
-if __name__ == "__main__":
-    members = load_family().members
-    judged = judge_family(members, lambda done,
-                          of: print(f"{done}/{of} members", end="\r", flush=True))
-    if len(judged) < len(members):
-        raise SystemExit(f"Stopped after {len(judged)} of {len(members)} members: no choice is "
-                         "made and no card written.")
-    unit = ship(choose(judged), family_file().parent / f"{FAMILY_CARD}.toml")
+def main(path: Path) -> None:
+    """Draw the family, judge it, and write the family's file and the card beside it.
+
+    path: of the family's file.
+    """
+    def tell(what: str) -> Callable[[int, int], None]:
+        return lambda done, of: print(f"{done}/{of} {what}", end="\r", flush=True)
+
+    family = draw_family(progress=tell("draws"))
+    save_family(family, path)
+    print(f"{len(family.members)} members, {len(family.rejected)} rejected, written to {path.name}")
+    judged = judge_family(family.members, tell("members"))
+    if len(judged) < len(family.members):
+        raise SystemExit(f"Stopped after {len(judged)} of {len(family.members)} members: no choice "
+                         "is made and no card written.")
+    unit = ship(choose(judged), path.parent / f"{FAMILY_CARD}.toml")
     print(f"{FAMILY_CARD} is member {unit.number}, {unit.reading}. Its fold moves, in % of the "
           "gap, by")
     for key, change in sensitivity(unit).items():
         print(f"  {key:24s} {change:+.4f}")
+
+
+if __name__ == "__main__":
+    main(family_file())

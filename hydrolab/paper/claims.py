@@ -19,9 +19,7 @@ from hydrolab.dynamics.branches import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import ellipse, largest_vibration, self_crossings
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.paper.study import Study, stress_fluctuation
-
-PHASE = 2 * np.pi * np.arange(360) / 360
+from hydrolab.paper.study import PHASE, Study, stress_fluctuation
 
 
 @dataclass(frozen=True)
@@ -82,12 +80,11 @@ def centre_moves(study: Study) -> Claim:
     growth = abs(first(now) / first(start) - 1)
     return Claim(
         2, "Below 3 to 4 % the static eccentricity mainly shifts the orbit's centre.",
-        "from 0 to 3 % the centre moves at least 5 times as far as any harmonic amplitude changes, "
-        "1X changes by at "
-        "most 10 %, and 2X stays below 5 % of 1X",
+        "from 0 to 3 % the centre moves at least 5 times as far as any harmonic amplitude "
+        "changes, 1X changes by at most 10 %, and 2X stays below 5 % of 1X",
         f"the centre moves {1e6 * shift:.0f} µm, no amplitude changes by more than "
-        f"{1e6 * change:.1f} µm; "
-        f"1X along changes by {100 * growth:.1f} %; 2X is {100 * second_share(now):.1f} % of 1X",
+        f"{1e6 * change:.1f} µm; 1X along changes by {100 * growth:.1f} %; 2X is "
+        f"{100 * second_share(now):.1f} % of 1X",
         shift > 5 * change and growth <= 0.1 and second_share(now) < 0.05)
 
 
@@ -98,8 +95,7 @@ def becomes_ellipse(study: Study) -> Claim:
     return Claim(
         3, "Beyond 3 to 4 % the orbit changes shape; at 7 % it is elliptical.",
         "the 1X ellipse has a ratio of axes of at least 0.98 at 1 % and at most 0.90 at 7 %, with "
-        "2X below 10 % of 1X "
-        "there, so that it is still an ellipse",
+        "2X below 10 % of 1X there, so that it is still an ellipse",
         f"ratio of axes {early.ratio:.3f} at 1 %, {late.ratio:.3f} at 7 %; 2X is {100 * rest:.1f} "
         "% of 1X at 7 %",
         early.ratio >= 0.98 and late.ratio <= 0.90 and rest < 0.10)
@@ -139,43 +135,63 @@ def has_loop(study: Study) -> Claim:
         crossings[8.9] > 0 and alone > 0 and not any(n for p, n in crossings.items() if p < 8))
 
 
+def motion_beyond(study: Study) -> tuple[str, float | None]:
+    """What direct integration does at 9.0 %, in words, and how many times as large it is as the 8.9
+    % orbit: inf at contact, None after an interrupt.
+    """
+    if study.interrupted or study.beyond is None:
+        return "Direct integration at 9.0 % was interrupted.", None
+    if not study.beyond.finished:  # contact
+        return study.beyond.stopped, math.inf
+    path = study.beyond.last(3)[1]
+    vibration = largest_vibration(study.orbits[8.9].positions(PHASE), study.orbits[8.9].mean)
+    growth = largest_vibration(path, path.mean(axis=1)) / vibration
+    settled = {1: "settles on an orbit of one revolution", 2: "settles on an orbit of two "
+               "revolutions"}
+    name = next((words for n, words in settled.items() if study.beyond.recurrence(n) < 1e-3),
+                "stays bounded without repeating")
+    return (f"Started at 9.0 % on the 8.9 % orbit the motion {name}, {growth:.2f} times as large.",
+            growth)
+
+
+def leg_in_words(study: Study) -> str:
+    """Where the first leg ends, and whether it is stable up to there."""
+    limit = f"{100 * study.limit / study.scale:.3f} %"
+    turn = f"The branch turns at {limit} (a fold)" if study.branch.folds else (
+        "The branch has no fold")
+    if study.first_loss is not None:
+        return f"{turn}, but is no longer stable from {100 * study.first_loss / study.scale:.2f} %"
+    return turn + (", stable up to there" if study.stability_known else
+                   "; its stability is not known at every point")
+
+
+def states_beyond(study: Study) -> str:
+    """The steady states that the branch has at 9.0 %."""
+    if not study.branch.folds:
+        end = f"{100 * study.limit / study.scale:.3f} %"
+        return f"The branch was followed to {end} and no further."
+    there = [f"{point.verdict} (largest multiplier "
+             + (f"{point.largest:.2f})" if point.largest < 100 else "above 100)")
+             for _, point in study.beyond_orbits]
+    if not there:
+        return "At 9.0 % the branch has no steady state."
+    return (f"At 9.0 % the branch, past its folds, has {len(there)} steady "
+            f"state{'s' if len(there) > 1 else ''}: {', '.join(there)}; so that none was found "
+            "does not mean that there is none.")
+
+
 def nothing_beyond(study: Study) -> Claim:
     """Claim 6: no steady state found beyond 8.9 %; and what is really there."""
     last = 100 * float(study.natural.static_eccentricity[-1]) / study.scale
-    vibration = largest_vibration(study.orbits[8.9].positions(PHASE), study.orbits[8.9].mean)
-    if study.interrupted:
-        motion, growth = "Direct integration at 9.0 % was interrupted.", None
-    elif not study.beyond.finished:  # contact
-        motion, growth = study.beyond.stopped, math.inf
-    else:
-        path = study.beyond.last(3)[1]
-        growth = largest_vibration(path, path.mean(axis=1)) / vibration
-        again = study.beyond.recurrence(), study.beyond.recurrence(2)
-        name = ("settles on an orbit of one revolution" if again[0] < 1e-3 else
-                "settles on an orbit of two revolutions" if again[1] < 1e-3 else "stays bounded "
-                "without repeating")
-        motion = f"Started at 9.0 % on the 8.9 % orbit the motion {name}, {growth:.2f} times as large."
-    turn = f"The branch turns at {100 * study.limit / study.scale:.3f} % (a fold)" if study.branch.folds else (
-        "The branch has no fold")
-    loss = study.first_loss
-    lost = "stable up to there" if loss is None else f"but is no longer stable from {100 * loss / study.scale:.2f} %"
-    there = [f"{verdict.verdict} (largest multiplier {verdict.largest:.2f})"
-             if verdict.largest < 100 else
-             f"{verdict.verdict} (largest multiplier above 100)"
-             for _, verdict in study.beyond_orbits]
-    exists = (f"At 9.0 % the branch, past its folds, has {len(there)} steady "
-              f"state{'s' if len(there) > 1 else ''}: "
-              f"{', '.join(there)}; so that none was found does not mean that there is none."
-              if there else "At 9.0 % the branch has no steady state." if study.branch.folds else
-              f"The branch was followed to {100 * study.limit / study.scale:.3f} % and no further.")
+    motion, growth = motion_beyond(study)
     return Claim(
         6, "Beyond about 8.9 % no steady state is found, and a small increment there means a huge "
            "increase.",
         "the paper's procedure (dog-leg from the last solution, steps of 0.1 %) stops between 8.8 "
-        "and 9.0 %, and "
-        "direct integration at 9.0 % from the 8.9 % orbit ends in contact or in a vibration at "
-        "least 1.5 times as large",
-        f"the procedure stops after {last:.1f} %. {turn}, {lost}. {motion} {exists}",
+        "and 9.0 %, and direct integration at 9.0 % from the 8.9 % orbit ends in contact or in a "
+        "vibration at least 1.5 times as large",
+        f"the procedure stops after {last:.1f} %. {leg_in_words(study)}. {motion} "
+        f"{states_beyond(study)}",
         None if growth is None else 8.8 <= round(last, 6) < 9.0 and growth >= 1.5)
 
 
@@ -200,12 +216,11 @@ def whole_shaft(study: Study) -> Claim:
     return Claim(
         7, SHAFT_SENTENCE,
         f"at most nodes (at least {most} of {len(nodes)}): 1X within 5 % of its value at 0 % when "
-        "at 1 %; ratio of axes "
-        "at most 0.90 at 7 %; 2X at least 5 % of 1X at 8.9 %; and the mean bend at 5 % at least 3 "
-        "times that at 1 %",
+        "at 1 %; ratio of axes at most 0.90 at 7 %; 2X at least 5 % of 1X at 8.9 %; and the mean "
+        "bend at 5 % at least 3 times that at 1 %",
         f"1X unchanged at 1 % at {circles} nodes; elliptical at 7 % at {ellipses}; 2X visible at "
-        f"8.9 % at {seconds}; mean "
-        f"bend {1e6 * bend[0]:.0f} µm at 1 %, {1e6 * bend[1]:.0f} µm at 5 %",
+        f"8.9 % at {seconds}; mean bend {1e6 * bend[0]:.0f} µm at 1 %, {1e6 * bend[1]:.0f} µm at 5 "
+        "%",
         min(circles, ellipses, seconds) >= most and bend[1] >= 3 * bend[0])
 
 
@@ -227,8 +242,7 @@ def four_are_enough(study: Study) -> Claim:
     return Claim(
         8, "Four harmonics and the mean are enough to describe the dynamics.",
         "with 8 and with 16 harmonics the orbits at 8.8 and 8.9 % change by at most 1 % of the "
-        "largest vibration and "
-        "the first fold moves by at most 0.01 % of the gap",
+        "largest vibration and the first fold moves by at most 0.01 % of the gap",
         f"orbits change by at most {100 * worst:.4f} %; the fold moves by {100 * moved:.6f} % of "
         "the gap",
         worst <= 0.01 and moved <= 1e-4)
@@ -254,9 +268,8 @@ def sign_for_diagnosis(study: Study) -> Claim:
     return Claim(
         10, "With static eccentricity the orbit becomes anisotropic and 2X appears: a sign for "
             "diagnosis.",
-        "at 0 % the ratio of axes is at least 0.999 and 2X below 1e-6 of 1X; at 8.8 % the ratio is "
-        "at most 0.90 and 2X "
-        "at least 5 % of 1X",
+        "at 0 % the ratio of axes is at least 0.999 and 2X below 1e-6 of 1X; at 8.8 % the ratio "
+        "is at most 0.90 and 2X at least 5 % of 1X",
         f"ratio of axes {ratio[0]:.4f} at 0 %, {ratio[1]:.3f} at 8.8 %; 2X over 1X "
         + ", ".join(f"{100 * s:.1f} % at {p:g} %" for p, s in shares.items()),
         ratio[0] >= 0.999 and second_share(centred) < 1e-6 and ratio[1] <= 0.90
@@ -279,8 +292,7 @@ def linear_underestimates(study: Study) -> Claim:
     return Claim(
         11, "The linear negative stiffness underestimates the effect of the pull.",
         "mean displacement and 1X along are smaller with the negative stiffness at every "
-        "eccentricity from 1 to 8.8 %, "
-        "by at least 5 % at 8.8 %",
+        "eccentricity from 1 to 8.8 %, by at least 5 % at 8.8 %",
         f"it is short by (mean and 1X) {words}; and it knows no fold at all", ok)
 
 
@@ -290,33 +302,31 @@ def fluctuating_stress(study: Study) -> Claim:
     """
     shaft = study.machine.shaft
     if shaft is None:
-        return Claim(12, STRESS_SENTENCE, STRESS_CRITERION, "the machine has no shaft, so there is "
-                     "no stress to judge",
-                     False)
+        return Claim(12, STRESS_SENTENCE, STRESS_CRITERION,
+                     "the machine has no shaft, so there is no stress to judge", False)
     centred, late = (stress_fluctuation(shaft, study.orbits[p]) for p in (0.0, 8.8))
     return Claim(
         12, STRESS_SENTENCE, STRESS_CRITERION,
         f"fluctuation (0-to-peak) {centred / 1e6:.3f} MPa at 0 %, {late / 1e6:.2f} MPa at 8.8 %: "
         "the sentence as printed is "
-        + ("true" if centred >= 0.1 * late else "false; with 'without axisymmetry' in its place it "
-                                                "is true"
+        + ("true" if centred >= 0.1 * late else "false; with 'without axisymmetry' in its place "
+                                                "it is true"
            if late > 0 else "false"),
         centred >= 0.1 * late)
 
 
 SHAFT_SENTENCE = ("The whole shaft behaves so: 1 % shifts it, 5 % bends it more, 7 % makes the "
-                  "orbits elliptical, at 8.9 % "
-                  "the second harmonic shows on a highly bent shaft.")
-STRESS_SENTENCE = "'When the system works with axisimmetry, there are fluctuating stresses acting on the shaft.'"
+                  "orbits elliptical, at 8.9 % the second harmonic shows on a highly bent shaft.")
+STRESS_SENTENCE = ("'When the system works with axisimmetry, there are fluctuating stresses acting "
+                   "on the shaft.'")
 STRESS_CRITERION = ("in a fibre that turns with the shaft, the bending stress at 0 % (an "
-                    "axisymmetric machine) "
-                    "fluctuates by at least a tenth of what it does at 8.8 %")
+                    "axisymmetric machine) fluctuates by at least a tenth of what it does at 8.8 "
+                    "%")
 
 
 CLAIMS: tuple[Callable[[Study], Claim], ...] = (
     agreement, centre_moves, becomes_ellipse, grows_rapidly, has_loop, nothing_beyond, whole_shaft,
-    four_are_enough,
-    can_double, sign_for_diagnosis, linear_underestimates, fluctuating_stress)
+    four_are_enough, can_double, sign_for_diagnosis, linear_underestimates, fluctuating_stress)
 
 
 def judge(study: Study) -> tuple[Claim, ...]:

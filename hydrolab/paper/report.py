@@ -6,11 +6,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable
-from dataclasses import asdict
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -21,6 +23,16 @@ from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
+from hydrolab.machine.quantities import Part, declared, simplest
+from hydrolab.paper.calibration import (
+    FREE,
+    STEPS,
+    judge_family,
+    load_family,
+    member_of,
+    sensitivity,
+    tally,
+)
 from hydrolab.paper.claims import Claim, judge
 from hydrolab.paper.study import FAMILY_CARD, REVOLUTIONS_BEYOND, Study, run_study
 from hydrolab.progress import progress_bars
@@ -32,57 +44,42 @@ COLOURS = {"holds": "green", "fails": "red", "not judged": "yellow"}
 def machine_record(study: Study) -> dict[str, Any]:
     """The machine in numbers, SI units, enough for another code to rebuild it."""
     machine, (alpha, beta) = study.machine, study.model.rayleigh
-    shaft, gap = machine.shaft, machine.air_gap
+    none = {"stiffness": 0.0, "damping": 0.0, "tilt_stiffness": 0.0}
+    ratio = part_record(machine.damping) if machine.damping else {"ratio": None}
     record: dict[str, Any] = {
         "name": machine.name, "speed_rpm": machine.speed * 30 / math.pi,
-        "shaft": None if shaft is None else {
-            "element": shaft.element, "diameter": one_or_list(shaft.diameter),
-            "inner_diameter": one_or_list(shaft.inner_diameter), "density": shaft.density,
-            "young": shaft.young,
-            "poisson": shaft.poisson, "shear_coefficient": shaft.shear_coefficient,
-            "nodes": shaft.nodes.tolist()},
-        "bodies": [{"name": b.name, "node": b.node, "offset": b.offset, "mass": b.mass, "Id": b.Id,
-                    "Ip": b.Ip,
-                    "unbalance": b.unbalance, "phase": b.phase} for b in machine.bodies],
-        "bearings": [{"name": b.name, "node": b.node, "stiffness": one_or_matrix(b.stiffness),
-                      "damping": one_or_matrix(b.damping), "tilt_stiffness": 0.0}
-                     for b in machine.bearings]
-        + [{"name": b.name, "node": b.node, "stiffness": 0.0, "damping": 0.0,
-            "tilt_stiffness": b.tilt_stiffness}
-           for b in machine.thrust_bearings],
-        "damping": {"ratio": one_or_list(machine.damping.ratio) if machine.damping else None,
-                    "alpha": alpha,
-                    "beta": beta},
-        "air_gap": {"field": gap.field, "mean_radius": gap.mean_radius, "length": gap.length,
-                    "gap": gap.gap,
-                    **{key: value for key in ("tilt", "linear", "tangential")
-                       if (value := getattr(gap, key))}}}
+        "shaft": part_record(machine.shaft) if machine.shaft else None,
+        "bodies": [part_record(body) for body in machine.bodies],
+        "bearings": [none | part_record(bearing)
+                     for bearing in (*machine.bearings, *machine.thrust_bearings)],
+        "damping": {**ratio, "alpha": alpha, "beta": beta},
+        "air_gap": part_record(machine.air_gap)}
     # what the paper's machine does not have, where there is some
     for key in ("pad_bearings", "films", "cracks", "shapes"):
         if parts := getattr(machine, key):
-            record[key] = [asdict(part) for part in parts]
+            record[key] = [part_record(part) for part in parts]
     if machine.poles:
-        record["poles"] = asdict(machine.poles)
+        record["poles"] = part_record(machine.poles)
     return record
 
 
-def one_or_list(values: Iterable[float]) -> float | list[float]:
-    """One number where all are the same, else the list."""
-    values = [float(v) for v in values]
-    return values[0] if len(set(values)) == 1 else values
+def part_record(part: Part) -> dict[str, Any]:
+    """The declared fields of a part as JSON takes them: one number where all are the same."""
+    values = {name: getattr(part, name) for name in declared(type(part))}
+    return {name: np.asarray(simplest(value)).tolist() for name, value in values.items()}
 
 
-def one_or_matrix(matrix: Any) -> float | list[list[float]]:
-    """The scalar of an isotropic 2 × 2 matrix, else its rows."""
-    isotropic = matrix[0, 0] == matrix[1, 1] and matrix[0, 1] == matrix[1, 0] == 0
-    return float(matrix[0, 0]) if isotropic else matrix.tolist()
+def series_record(coefficients: NDArray) -> dict[str, Any]:
+    """Fourier coefficients of x and z, (2, 2m + 1), m: mean, cos(kΩt) and sin(kΩt) for k = 1 … m.
+    """
+    return {name: {"mean": float(c[0]), "cos": c[2::2].tolist(), "sin": c[1::2].tolist()}
+            for name, c in zip("xz", coefficients, strict=True)}
 
 
 def orbit_record(orbit: PeriodicOrbit) -> dict[str, Any]:
-    """Fourier coefficients of the generator centre, m: cos(kΩt) and sin(kΩt) for k = 1 … m."""
-    rows = {name: {"mean": float(c[0]), "cos": c[2::2].tolist(), "sin": c[1::2].tolist()}
-            for name, c in zip("xz", orbit.coefficients, strict=True)}
-    return {"static_eccentricity": orbit.static_eccentricity, "harmonics": orbit.harmonics, **rows}
+    """Where an orbit is, and the motion of the generator centre."""
+    return {"static_eccentricity": orbit.static_eccentricity, "harmonics": orbit.harmonics,
+            **series_record(orbit.coefficients)}
 
 
 def further_orbits(study: Study) -> list[dict[str, Any]]:
@@ -119,7 +116,9 @@ def report(study: Study, claims: Iterable[Claim],
             "modes_and_static_deflections": check.model.size, "truncation_error": study.truncation,
             "validation": {"static_eccentricity": check.static_eccentricity,
                            "revolutions": check.revolutions,
-                           "stopped": check.stopped, **coefficients_record(check)},
+                           "stopped": check.stopped,
+                           # the last revolution; none where it ended early
+                           **(series_record(check.coefficients(4)) if check.finished else {})},
             "beyond": None if beyond is None else {
                 "static_eccentricity": beyond.static_eccentricity,
                 "revolutions": beyond.revolutions,
@@ -127,15 +126,6 @@ def report(study: Study, claims: Iterable[Claim],
         "claims": [{"id": c.id, "claim": c.claim, "criterion": c.criterion, "measured": c.measured,
                     "holds": c.holds,
                     "family": family[c.id] if family else None} for c in claims]}
-
-
-def coefficients_record(trajectory: Any) -> dict[str, Any]:
-    """Mean and harmonics of the last revolution, as in `orbit_record`; none where it ended early.
-    """
-    if not trajectory.finished:
-        return {}
-    return {name: {"mean": float(c[0]), "cos": c[2::2].tolist(), "sin": c[1::2].tolist()}
-            for name, c in zip("xz", trajectory.coefficients(4), strict=True)}
 
 
 def claims_table(claims: Iterable[Claim], family: dict[int, Any] | None = None) -> Table:
@@ -164,15 +154,13 @@ def sensitivity_table(machine: Machine) -> Table:
     """The free data of the paper's machine: ranges they were drawn from, this unit's values, and
     what its fold does.
     """
-    from hydrolab.paper.calibration import FREE, STEPS, member_of, sensitivity
     member = member_of(machine, "with field")
     changes = sensitivity(member)
     table = Table(title="What the paper does not say, and how the first fold depends on it",
                   title_justify="left",
-                  caption="The 200 µm are kept. A centimetre of guide-bearing depth moves the fold "
-                          "by about 0.3 % of the "
-                          "gap on any unit, so equal elements, with bearings at 0.75 or 1.51 m, do "
-                          "not fit.",
+                  caption="The 200 µm are kept. A centimetre of guide-bearing depth moves the "
+                          "fold by about 0.3 % of the gap on any unit, so equal elements, with "
+                          "bearings at 0.75 or 1.51 m, do not fit.",
                   caption_justify="left")
     for name in ("datum", "drawn from", "this unit", "step", "fold moves, % of the gap"):
         table.add_column(name, justify="left" if name == "datum" else "right")
@@ -190,7 +178,6 @@ def judged_family(tell: Any) -> tuple[dict[int, Any], int, int]:
     """How many members agree with each claim, by kind of branch; how many were judged, and of how
     many.
     """
-    from hydrolab.paper.calibration import judge_family, load_family, tally
     members = load_family().members
     verdicts = judge_family(members, progress=lambda done, of: tell("family", done, of))
     return {claim: tally(verdicts, claim) for claim in range(1, 13)}, len(verdicts), len(members)
@@ -204,51 +191,70 @@ def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study")
 
     report.json is written before the family is run and again after it, so that an interrupt
     (Ctrl-C) loses nothing. Returns 0, or 130 after an interrupt: what was computed until then is
-    printed and written. Raises BadInput for a bad card, or for --family with a card other than the
-    paper's machine.
+    printed and written. Raises BadInput for a bad card, for --family with a card other than the
+    paper's machine, or where `out` cannot be written.
     """
     console = Console(markup=False, highlight=False)  # a machine's name may have brackets
-    machine: Machine = load_machine(card)
+    machine = load_machine(card)
     if family and str(card) != FAMILY_CARD:  # a copy may keep the name and change the numbers
         raise BadInput(f"--family was given with {card}; the family is one of the paper's machine, "
-                       "the shipped card "
-                       f"{FAMILY_CARD}.")
-    out.mkdir(parents=True, exist_ok=True)
-    pictures, counts, cut = {}, None, ""
+                       f"the shipped card {FAMILY_CARD}.")
+    prepare(out)
+    pictures: dict[str, Any] = {}
+    counts, cut = None, ""
     with progress_bars(console) as tell:
         study = run_study(machine, tell)
         claims = judge(study)
         write(out / "report.json", report(study, claims))
         if study.interrupted:
             cut = "Stopped by Ctrl-C in direct integration; what was computed before is above."
-        else:
-            if draw:
-                pictures = draw(study)
-                for name, picture in pictures.items():
-                    picture.save(out / f"{name}.png")
-            if family:
-                counts, judged, members = judged_family(tell)
-                if judged < members:
-                    cut = f"Stopped after {judged} of {members} members of the family; these are counted above."
-    if counts:
-        write(out / "report.json", report(study, claims, counts))
+        elif draw:
+            pictures = draw(study)
+            for name, picture in pictures.items():
+                picture.save(out / f"{name}.png")
+        if family and not cut:
+            counts, judged, members = judged_family(tell)
+            write(out / "report.json", report(study, claims, counts))
+            if judged < members:
+                cut = (f"Stopped after {judged} of {members} members of the family; these are "
+                       "counted above.")
     console.print(claims_table(claims, counts))
     if counts:
         console.print(sensitivity_table(machine))
-    if study.scale != 1:
-        console.print(f"The paper's percentages are stretched by {study.scale:.4g}: on this "
-                      "machine the first fold is at "
-                      f"{100 * study.limit:.3f} %, so its 8.8 % stands for "
-                      f"{100 * study.eccentricity(8.8):.3f} %.")
-    for picture in pictures.values():
-        console.print(f"• {picture.reading}")
-    held = sum(c.verdict == "holds" for c in claims)
-    console.print(f"{held} of {len(claims)} claims hold on {machine.name}. Written to {out}: "
-                  "report.json"
-                  + (f" and {len(pictures)} figures." if pictures else "."))
-    if cut:
-        console.print(cut)
+    for line in (*summary(study, claims, pictures, out), cut):
+        if line:
+            console.print(line)
     return 130 if cut else 0
+
+
+def summary(study: Study, claims: Sequence[Claim], pictures: dict[str, Any],
+            out: Path) -> list[str]:
+    """What is said below the claims: how the percentages are stretched, each picture's reading, and
+    what was written where.
+    """
+    lines = [f"• {picture.reading}" for picture in pictures.values()]
+    if study.scale != 1:
+        lines.insert(0, f"The paper's percentages are stretched by {study.scale:.4g}: on this "
+                        f"machine the first fold is at {100 * study.limit:.3f} %, so its 8.8 % "
+                        f"stands for {100 * study.eccentricity(8.8):.3f} %.")
+    held = sum(c.verdict == "holds" for c in claims)
+    figures = f" and {len(pictures)} figures." if pictures else "."
+    return [*lines, f"{held} of {len(claims)} claims hold on {study.machine.name}. Written to "
+                    f"{out}: report.json{figures}"]
+
+
+def prepare(out: Path) -> None:
+    """Make the folder and see that it can be written before a study that takes a minute.
+
+    Raises BadInput where not.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise BadInput(f"{out} cannot be written ({error.strerror or error}); give another folder "
+                       "with --out.") from None
 
 
 def write(path: Path, content: dict[str, Any]) -> None:

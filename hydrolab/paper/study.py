@@ -1,10 +1,9 @@
-"""Bending stress in the shaft along an orbit.
-
-The paper's study, end to end, on any machine card.
+"""The paper's study, end to end, on any machine card.
 
 Section 5 of Villa, Carvalho and Salomon: a steady state without eccentricity, then natural
 continuation in the static eccentricity until the solver stops; direct integration as a check; and
-what the paper could not do, the branch past its folds with its stability.
+what the paper could not do, the branch past its folds with its stability. For its conclusion, the
+bending stress in the shaft along an orbit.
 """
 
 from __future__ import annotations
@@ -28,33 +27,7 @@ from hydrolab.dynamics.stability import Floquet, branch_stability, floquet_all
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.elements import shaft_element
 from hydrolab.machine.model import Model
-from hydrolab.machine.parts import Machine, Shaft
-
-PHASE = 2 * np.pi * np.arange(360) / 360
-
-
-def stress_fluctuation(shaft: Shaft, orbit: PeriodicOrbit) -> float:
-    """Largest 0-to-peak fluctuation over a revolution of the bending stress in a fibre that turns
-    with the shaft, Pa.
-
-    Bending moments are the end moments of the elements, K_e q_e; the fibre is taken at eight angles
-    at each end.
-    """
-    motion = orbit.model.shaft_map @ orbit.shaft @ fourier_rows(orbit.harmonics, PHASE)
-    worst = 0.0
-    for i, length in enumerate(np.diff(shaft.nodes)):
-        stiffness = shaft_element(shaft.element, length, shaft.young, shaft.density, shaft.area[i],
-                                  shaft.second_moment[i], shaft.poisson, shaft.shear_coefficient)[2]
-        ends = stiffness @ motion[4 * i:4 * i + 8]
-        for mx, mz in (ends[2:4], ends[6:8]):
-            for fibre in 2 * np.pi * np.arange(8) / 8:
-                # Fibre at angle Ωt + fibre from z towards x; θx bends in the (y, z) plane, −θz in
-                # (y, x).
-                stress = (mx * np.cos(PHASE + fibre) - mz * np.sin(PHASE + fibre)) * (
-                    shaft.diameter[i] / 2 / shaft.second_moment[i])
-                worst = max(worst, float(np.ptp(stress)) / 2)
-    return worst
-
+from hydrolab.machine.parts import Machine, Shaft, require_machine
 
 FAMILY_CARD = "kaplan-150rpm"  # the card that stands for the paper's machine
 # the fold the shipped unit is calibrated to; the paper's own percentages lie below it
@@ -68,6 +41,7 @@ REVOLUTIONS, RAMP, STEPS = 1000, 400, 512
 REVOLUTIONS_BEYOND = 400
 # of a revolution; a thousand revolutions then take minutes, and their motion 200 MB
 MOST_STEPS = 2**13
+PHASE = 2 * np.pi * np.arange(360) / 360
 
 Progress = Callable[[str, int, int], None]
 
@@ -76,12 +50,14 @@ Progress = Callable[[str, int, int], None]
 class Study:
     """Everything the study computes on one machine.
 
-    scale: 1 where the paper's percentages apply; otherwise they are stretched by first fold/8.925
-    %. branch: steady states from 0 past up to three folds. orbits: by the paper's percentages, on
-    the first leg. natural: the paper's own procedure (dog-leg, each start from the last solution).
-    stability: of each point of the branch. check: direct integration at 8.8 %. beyond: direct
-    integration at 9.0 %, begun on the 8.9 % orbit; None where an interrupt (Ctrl-C) ended the one
-    before. beyond_orbits: the steady states of the branch at 9.0 %, each with its stability.
+    scale: 1 where the paper's percentages apply, which is where the first fold lies between its
+    8.9 and its 9.0 %; otherwise they are stretched by first fold/8.925 %. branch: steady states
+    from 0 past up to three folds. orbits: by the paper's percentages, on the first leg. natural:
+    the paper's own procedure (dog-leg, each start from the last solution). stability: of
+    each point of the branch. check: direct integration at 8.8 %. beyond: direct integration at
+    9.0 %, begun on the 8.9 % orbit; None where an interrupt (Ctrl-C) ended the one before.
+    beyond_orbits: the steady states of the branch at 9.0 %, each with its stability. truncation:
+    what the basis of the integration leaves out, a fraction of 1X.
     """
 
     machine: Machine
@@ -109,17 +85,19 @@ class Study:
     @property
     def limit(self) -> float:
         """First fold, or the end of the branch where there is none; fraction of the gap."""
-        return self.branch.folds[0].value if self.branch.folds else float(self.branch.static_eccentricity[-1])
+        return limit_of(self.branch)
 
     @property
     def first_loss(self) -> float | None:
-        """Eccentricity of the first point of the first leg that is not stable, or None."""
+        """Eccentricity of the first point of the first leg that is unstable, or None."""
         leg = self.branch.first_leg
-        for value, point in zip(self.branch.static_eccentricity[leg], self.stability[leg],
-                                strict=True):
-            if point.verdict != "stable":
-                return float(value)
-        return None
+        points = zip(self.branch.static_eccentricity[leg], self.stability[leg], strict=True)
+        return next((float(value) for value, point in points if point.verdict == "unstable"), None)
+
+    @property
+    def stability_known(self) -> bool:
+        """Whether each point of the first leg is known to be stable or not."""
+        return all(point.verdict != "unknown" for point in self.stability[self.branch.first_leg])
 
     @cached_property
     def kind(self) -> str:
@@ -133,10 +111,22 @@ class Study:
         return "S-shaped" if len(after) and after.max() > folds[0].value else "plain"
 
 
+def limit_of(branch: Branch) -> float:
+    """First fold of a branch, or its end where there is none; fraction of the gap."""
+    return branch.folds[0].value if branch.folds else float(branch.static_eccentricity[-1])
+
+
+def scale_of(limit: float) -> float:
+    """Factor on the paper's percentages for a machine with this first fold, fraction of the gap."""
+    return 1.0 if PERCENTAGES[-1] < 100 * limit < BEYOND else limit / PAPER_LIMIT
+
+
 def run_study(machine: Machine, progress: Progress | None = None, *, revolutions: int = REVOLUTIONS,
               ramp: int = RAMP) -> Study:
-    """Run the study on a machine at its rated speed; about ten seconds, most of it direct
-    integration.
+    """Run the study on a machine at its rated speed.
+
+    It takes some seconds with the pull of a round gap, and minutes with a law by quadrature or a
+    stiff part; most of that is direct integration.
 
     progress: called with (what is being done, done, all). revolutions, ramp: of the direct
     integration, which an interrupt (Ctrl-C) ends early: what was computed until then is returned.
@@ -146,6 +136,46 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
     def tell(what: str) -> Callable[[int, int], None]:
         return lambda done, of: progress(what, done, of) if progress else None
 
+    check_studied(machine)
+    with threadpool_limits(1):
+        model, speed, balance = machine.model(), machine.speed, HarmonicBalance(HARMONICS)
+        tell("steady states")(0, 1)
+        begin = balance.solve(model, speed)
+        method = CentralDifference(stable_steps(model, speed))
+        check_begin(machine, begin)
+        # what the paper could not do: the branch past its folds
+        branch = follow(model, speed=speed, to=0.9, start=begin, method=Arclength(balance))
+        limit = limit_of(branch)
+        if limit < 1e-3:
+            raise NoConvergence(f"{machine.name} loses its steady state at {100 * limit:.3g} % of "
+                                "the gap; there is no range of eccentricity to study. A lower "
+                                "field or stiffer bearings would give one.")
+        scale = scale_of(limit)
+        orbits = {p: orbits_at(branch, p / 100 * scale)[0] for p in PERCENTAGES}
+        # what the paper did: each start from the last solution
+        step = 0.001 * scale
+        natural = sweep(model, replace(balance, solver=powell_dog_leg),
+                        step * np.arange(round(1.2 * limit / step)), speed=speed)
+        tell("steady states")(1, 1)
+        stability = branch_stability(branch).points
+        tell("stability")(1, 1)
+        # the check, and what happens past the fold
+        check = integrate(model, method, speed=speed, static_eccentricity=VALIDATION / 100 * scale,
+                          revolutions=revolutions, ramp=ramp,
+                          progress=tell("direct integration at 8.8 %"))
+        beyond = None if check.interrupted else integrate(
+            model, method, speed=speed, static_eccentricity=BEYOND / 100 * scale,
+            revolutions=min(revolutions, REVOLUTIONS_BEYOND), start=orbits[8.9],
+            progress=tell("direct integration at 9.0 %"))
+        there = orbits_at(branch, BEYOND / 100 * scale)
+        truncation = truncation_error(model, check.model, speed, HARMONICS)
+        return Study(machine, model, speed, scale, branch, orbits, natural, stability, check,
+                     beyond, tuple(zip(there, floquet_all(there), strict=True)), truncation)
+
+
+def check_studied(machine: Machine) -> None:
+    """Raise BadInput for a machine that has nothing to study."""
+    require_machine(machine)
     if machine.air_gap is None:
         raise BadInput(f"{machine.name} has no air_gap; the study is about the pull in the gap, so "
                        "its card needs one.")
@@ -156,50 +186,28 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
                        "its card needs one.")
     if not machine.speed > 0:
         raise BadInput("speed is 0 rad/s; the study needs a turning rotor.")
-    with threadpool_limits(1):
-        model, speed = machine.model(), machine.speed
-        balance = HarmonicBalance(HARMONICS)
-        tell("steady states")(0, 1)
-        begin = balance.solve(model, speed)
-        method = CentralDifference(stable_steps(model, speed))
-        if floquet_all([begin])[0].verdict != "stable":
-            if not model.C.any() and not model.law.moving:
-                raise BadInput(f"{machine.name} has no damping, so its motions never settle; add a "
-                               "[damping] table with "
-                               "a ratio, or damping to its bearings.")
-            raise NoConvergence(f"{machine.name} has no stable steady state even without "
-                                "eccentricity: the pull, "
-                                f"{machine.air_gap.pull_stiffness:.3g} N/m, is too strong for its "
-                                "bearings and shaft. A "
-                                "lower field or stiffer bearings would give one.")
-        branch = follow(model, speed=speed, to=0.9, start=begin, method=Arclength(balance))
-        limit = branch.folds[0].value if branch.folds else float(branch.static_eccentricity[-1])
-        if limit < 1e-3:
-            raise NoConvergence(f"{machine.name} loses its steady state at {100 * limit:.3g} % of "
-                                "the gap; there is no "
-                                "range of eccentricity to study. A lower field or stiffer bearings "
-                                "would give one.")
-        scale = 1.0 if 0.089 < limit < 0.0902 else limit / PAPER_LIMIT
-        orbits = {p: orbits_at(branch, p / 100 * scale)[0] for p in PERCENTAGES}
-        step = 0.001 * scale
-        natural = sweep(model, replace(balance, solver=powell_dog_leg),
-                        step * np.arange(round(1.2 * limit / step)),
-                        speed=speed)
-        tell("steady states")(1, 1)
-        stability = branch_stability(branch).points
-        tell("stability")(1, 1)
-        check = integrate(model, method, speed=speed, static_eccentricity=VALIDATION / 100 * scale,
-                          revolutions=revolutions, ramp=ramp, progress=tell("direct integration at "
-                                                                            "8.8 %"))
-        beyond = None if check.interrupted else integrate(
-            model, method, speed=speed, static_eccentricity=BEYOND / 100 * scale,
-            revolutions=min(revolutions, REVOLUTIONS_BEYOND), start=orbits[8.9],
-            progress=tell("direct integration at 9.0 %"))
-        there = orbits_at(branch, BEYOND / 100 * scale)
-        there = tuple(zip(there, floquet_all(there), strict=True))
-    return Study(machine, model, speed, scale, branch, orbits, natural, stability, check, beyond,
-                 there,
-                 truncation_error(model, check.model, speed, HARMONICS))
+
+
+def check_begin(machine: Machine, begin: PeriodicOrbit) -> None:
+    """Raise where the steady state without eccentricity is not there to stay, with what to change.
+
+    Where its stability is not known, the study goes on: that is no verdict.
+    """
+    model = begin.model
+    if not model.C.any() and not model.law.moving:
+        raise BadInput(f"{machine.name} has no damping, so its motions never settle; add a "
+                       "[damping] table with a ratio, or damping to its bearings.")
+    if floquet_all([begin])[0].verdict != "unstable":
+        return
+    # the pull is to blame only where the machine is stable without it
+    free = HarmonicBalance(HARMONICS).solve(model.with_field(0), machine.speed)
+    if floquet_all([free])[0].verdict == "unstable":
+        raise NoConvergence(f"{machine.name} has no stable steady state even without field: its "
+                            "bearings or films drive a whirl. More damping, or less "
+                            "cross-coupling (xz against zx), would give one.")
+    raise NoConvergence(f"{machine.name} has no stable steady state even without eccentricity: the "
+                        f"pull, {machine.air_gap.pull_stiffness:.3g} N/m, is too strong for its "
+                        "bearings and shaft. A lower field or stiffer bearings would give one.")
 
 
 def stable_steps(model: Model, speed: float) -> int:
@@ -214,9 +222,30 @@ def stable_steps(model: Model, speed: float) -> int:
         steps *= 2
         if steps > MOST_STEPS:
             raise BadInput(f"speed is {speed * 30 / math.pi:.4g} rpm and the fastest frequency of "
-                           f"{model.name} is "
-                           f"{fastest:.4g} rad/s: direct integration needs more than {MOST_STEPS} "
-                           "steps in a revolution, "
-                           f"too many for {REVOLUTIONS} of them. Raise the speed, or check masses "
-                           "and stiffnesses.")
+                           f"{model.name} is {fastest:.4g} rad/s: direct integration needs more "
+                           f"than {MOST_STEPS} steps in a revolution, too many for {REVOLUTIONS} "
+                           "of them. Raise the speed, or check masses and stiffnesses.")
     return steps
+
+
+def stress_fluctuation(shaft: Shaft, orbit: PeriodicOrbit) -> float:
+    """Largest 0-to-peak fluctuation over a revolution of the bending stress in a fibre that turns
+    with the shaft, Pa.
+
+    Bending moments are the end moments of the elements, K_e q_e; the fibre is taken at eight angles
+    at each end.
+    """
+    motion = orbit.model.shaft_map @ orbit.shaft @ fourier_rows(orbit.harmonics, PHASE)
+    worst = 0.0
+    for i, length in enumerate(np.diff(shaft.nodes)):
+        stiffness = shaft_element(shaft.element, length, shaft.young, shaft.density, shaft.area[i],
+                                  shaft.second_moment[i], shaft.poisson, shaft.shear_coefficient)[2]
+        ends = stiffness @ motion[4 * i:4 * i + 8]
+        for mx, mz in (ends[2:4], ends[6:8]):
+            for fibre in 2 * np.pi * np.arange(8) / 8:
+                # Fibre at angle Ωt + fibre from z towards x; θx bends in the (y, z) plane, −θz in
+                # (y, x).
+                stress = (mx * np.cos(PHASE + fibre) - mz * np.sin(PHASE + fibre)) * (
+                    shaft.diameter[i] / 2 / shaft.second_moment[i])
+                worst = max(worst, float(np.ptp(stress)) / 2)
+    return worst

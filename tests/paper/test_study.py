@@ -11,21 +11,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hydrolab import BadInput, CentralDifference, integrate, load_machine, rpm
+from hydrolab import BadInput, CentralDifference, NoConvergence, integrate, load_machine, rpm
 from hydrolab.cli import main
 from hydrolab.dynamics.harmonics import ellipse, self_crossings
 from hydrolab.figures.paper_figures import figure_7
 from hydrolab.machine.bearings import JournalFilm, PadBearing
-from hydrolab.machine.crack import Crack
 from hydrolab.machine.cards import card_text, vary
+from hydrolab.machine.crack import Crack
 from hydrolab.machine.elements import shaft_element
 from hydrolab.machine.gap_shape import GapShape
 from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.pull import ShapedPull
 from hydrolab.paper.calibration import Verdicts, load_family
-from hydrolab.paper.claims import CLAIMS, PHASE, judge
+from hydrolab.paper.claims import CLAIMS, judge, nothing_beyond
 from hydrolab.paper.report import machine_record, report
-from hydrolab.paper.study import run_study, stable_steps, stress_fluctuation
+from hydrolab.paper.study import PHASE, run_study, stable_steps, stress_fluctuation
 from hydrolab.progress import progress_bar, progress_bars
 
 
@@ -261,13 +261,12 @@ def test_a_family_that_is_cut_short(tmp_path, capsys, study, monkeypatch):
     """An interrupt after two members, and a process that dies: what is done counts, and it is said
     how many.
     """
-    import hydrolab.paper.calibration as family
     import hydrolab.paper.report as module
     monkeypatch.setattr(module, "run_study", lambda machine, tell: study)
     monkeypatch.setattr(module, "sensitivity_table", lambda machine: "sensitivity")
     members = load_family().members
     two = [Verdicts(m, "plain", dict.fromkeys(range(1, 13), True)) for m in members[:2]]
-    monkeypatch.setattr(family, "judge_family", lambda members, progress: two)
+    monkeypatch.setattr(module, "judge_family", lambda members, progress: two)
     assert main(["study", "--out", str(tmp_path), "--family", "--no-figures"]) == 130
     assert f"Stopped after 2 of {len(members)} members" in capsys.readouterr().out
     record = json.loads((tmp_path / "report.json").read_text())
@@ -387,6 +386,48 @@ def test_what_cannot_be_studied(changes, words):
         run_study(load_machine("three-disc"))
     with pytest.raises(BadInput, match="no damping"):  # not a pull too strong
         run_study(replace(load_machine("kaplan-150rpm"), damping=None))
+
+
+def test_damping_is_not_taken_for_a_pull_too_strong():
+    """Guide bearings of 5e7 N s/m, as journal bearings have: well damped, whatever is known of it.
+    """
+    unit = load_machine("kaplan-150rpm")
+    damped = vary(unit, {f"bearings.{b.name}.damping": 5e7 for b in unit.bearings})
+    study = run_study(damped, revolutions=4, ramp=2)
+    assert study.limit == pytest.approx(0.1081, abs=1e-4) and study.first_loss is None
+
+
+def test_an_unstable_machine_without_field_does_not_blame_the_pull():
+    """Cross-coupling of 6e8 N/m and hardly any damping: forward whirl, field or not."""
+    unit = replace(load_machine("kaplan-150rpm"), damping=None)
+    whirling = vary(unit, {f"bearings.{b.name}.damping": 1e5 for b in unit.bearings}
+                    | {"bearings.turbine guide bearing.stiffness": [[1.64e9, 6e8],
+                                                                    [-6e8, 1.64e9]]})
+    with pytest.raises(NoConvergence, match="even without field: its bearings or films"):
+        run_study(whirling)
+
+
+def test_nine_percent_always_lies_past_the_first_fold():
+    """A first fold at 9.01 %, where the paper's 9.0 % would still be on the first leg."""
+    study = run_study(vary(load_machine("kaplan-150rpm"), {"field": 0.49922}), revolutions=12,
+                      ramp=4)
+    assert 0.0900 < study.limit < 0.0902 and study.scale > 1
+    assert study.eccentricity(8.9) < study.limit < study.eccentricity(9.0)
+    assert all(orbit.static_eccentricity > study.limit for orbit, _ in study.beyond_orbits)
+    claim = nothing_beyond(study)
+    assert "past its folds" in claim.measured
+
+
+def test_the_study_is_of_a_machine(study):
+    with pytest.raises(BadInput, match="machine is a Model; it must be a Machine"):
+        run_study(study.model)
+
+
+def test_a_folder_that_cannot_be_written_says_so_first(tmp_path, capsys):
+    (tmp_path / "out").write_text("a file")
+    assert main(["study", "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "cannot be written" in said and "--out" in said and said.count("\n") == 1
 
 
 def test_a_field_too_strong_ends_in_a_sentence(capsys, tmp_path):
