@@ -57,7 +57,7 @@ class Study:
     each point of the branch. check: direct integration at 8.8 %. beyond: direct integration at
     9.0 %, begun on the 8.9 % orbit; None where an interrupt (Ctrl-C) ended the one before.
     beyond_orbits: the steady states of the branch at 9.0 %, each with its stability. truncation:
-    what the basis of the integration leaves out, a fraction of 1X.
+    relative error of the basis of the integration; see `truncation_error`.
     """
 
     machine: Machine
