@@ -22,7 +22,6 @@ from hydrolab.machine import (
     RadialBearing,
     RigidBody,
     Wave,
-    series_force,
     shaped_law,
     truncated_size,
     whole_size,
@@ -59,36 +58,64 @@ def power(p: int) -> float:
     return float(np.polyfit(np.log(eps), np.log(beat), 1)[0])
 
 
-motion = integrate(model(1), Newmark(STEPS), speed=SPEED, static_eccentricity=0.1, revolutions=26)
-one = lines(motion.positions[:, -2 * STEPS:])
-powers = [power(p) for p in (1, 2, 3, 4)]
-print(f"Finding: with one pole pair the spectrum has lines at 2f and 2f ± X, {one[5]:.3g}, "
-      f"{one[3]:.3g} and {one[7]:.2g} µm "
-      f"beside {one[2]:.3g} µm of 1X, and the beat grows with the power {powers[0]:.2f}, "
-      f"{powers[1]:.2f}, {powers[2]:.2f}, "
-      f"{powers[3]:.2f} of the eccentricity for p = 1, 2, 3, 4; theory says 2p − 1.")
-print()
-print("p     1X       2X       3X     2f − X      2f     2f + X   (µm, static eccentricity 10 %, f "
-      "= 1.25 X)")
-for p in (1, 2, 3, 4):
-    orbit = HarmonicBalance(20, revolutions=2).solve(model(p), SPEED, 0.1)
-    found = lines(orbit.positions(4 * np.pi * np.arange(512) / 512))
-    print(f"{p}" + "".join(f"{found[k]:9.3g}" for k in LINES) + "   harmonic balance on two "
-          "revolutions")
-    if p == 1:
-        print("1" + "".join(f"{one[k]:9.3g}" for k in LINES) + f"   Newmark, {STEPS} steps in a "
-              "revolution")
-print()
-print("The published forces for p = 1, derived by SymPy, over R L F₁²/µ₀, with g = e^{iγ} and t = "
-      "e^{iθ}:")
-print("  ", series_force(1)[0])
-print("Share of the whole force that the series to third order keeps:")
-print("   ε        mean     e^{3iγ}  e^{5iγ}")
-for eps in (0.1, 0.3, 0.5, 0.7):
-    w = np.array(math.sqrt(1 - eps**2))
-    print(f"   {eps}  " + "".join(f"{truncated_size(w, n)[0] / whole_size(w, n)[0]:9.4f}"
-                                  for n in (1, 3, 5)))
-print()
-print("Not reproduced: the paper's parameters and figures, because its text could not be read; the "
-      "machine here has a size "
-      "that was chosen, and the published forces are derived again from the same series.")
+def series_force(pole_pairs: int, orders: int = 3):
+    r"""The truncated force by SymPy: F_z + i F_x over R L F₁²/µ0 as a sum of a^j g^m t^q with
+    a-order zero.
+
+    The permeance is Σ Λ_n cos n(φ − γ), n ≤ orders, the magnetomotive force F₁ cos(pφ − θ), the
+    stress their squared product over 2µ0. With g = e^{iγ} and t = e^{iθ} the integral over φ keeps
+    what does not turn with φ. Returns (force, g, t, Λ): a SymPy expression, its two symbols, and
+    the list of Λ_n.
+    """
+    import sympy as sp
+
+    a, g, t = sp.symbols("a g t")
+    permeance = sp.symbols(f"Lambda0:{orders + 1}")
+    cosine = [(a**n / g**n + g**n / a**n) / 2 for n in range(orders + 1)]
+    field = (a**pole_pairs / t + t / a**pole_pairs) / 2 * sum(
+        size * wave for size, wave in zip(permeance, cosine, strict=True))
+    high = 2 * (pole_pairs + orders)  # makes a polynomial of what has negative powers of a
+    stress = sp.Poly(sp.expand(sp.expand(field**2) * a ** (high + 1) / 2), a)
+    return sp.expand(2 * sp.pi * stress.coeff_monomial(a**high)), g, t, list(permeance)
+
+
+def main() -> None:
+    """Print the lines of the spectrum and the published forces beside the whole ones."""
+    motion = integrate(model(1), Newmark(STEPS), speed=SPEED, static_eccentricity=0.1,
+                       revolutions=26)
+    one = lines(motion.positions[:, -2 * STEPS:])
+    powers = [power(p) for p in (1, 2, 3, 4)]
+    print(f"Finding: with one pole pair the spectrum has lines at 2f and 2f ± X, {one[5]:.3g}, "
+          f"{one[3]:.3g} and {one[7]:.2g} µm "
+          f"beside {one[2]:.3g} µm of 1X, and the beat grows with the power {powers[0]:.2f}, "
+          f"{powers[1]:.2f}, {powers[2]:.2f}, "
+          f"{powers[3]:.2f} of the eccentricity for p = 1, 2, 3, 4; theory says 2p − 1.")
+    print()
+    print("p     1X       2X       3X     2f − X      2f     2f + X   "
+          "(µm, static eccentricity 10 %, f = 1.25 X)")
+    for p in (1, 2, 3, 4):
+        orbit = HarmonicBalance(20, revolutions=2).solve(model(p), SPEED, 0.1)
+        found = lines(orbit.positions(4 * np.pi * np.arange(512) / 512))
+        print(f"{p}" + "".join(f"{found[k]:9.3g}" for k in LINES) + "   harmonic balance on two "
+              "revolutions")
+        if p == 1:
+            print("1" + "".join(f"{one[k]:9.3g}" for k in LINES)
+                  + f"   Newmark, {STEPS} steps in a revolution")
+    print()
+    print("The published forces for p = 1, derived by SymPy, over R L F₁²/µ₀, with g = e^{iγ} and "
+          "t = e^{iθ}:")
+    print("  ", series_force(1)[0])
+    print("Share of the whole force that the series to third order keeps:")
+    print("   ε        mean     e^{3iγ}  e^{5iγ}")
+    for eps in (0.1, 0.3, 0.5, 0.7):
+        w = np.array(math.sqrt(1 - eps**2))
+        print(f"   {eps}  " + "".join(f"{truncated_size(w, n)[0] / whole_size(w, n)[0]:9.4f}"
+                                      for n in (1, 3, 5)))
+    print()
+    print("Not reproduced: the paper's parameters and figures, because its text could not be read; "
+          "the machine here has a size that was chosen, and the published forces are derived again "
+          "from the same series.")
+
+
+if __name__ == "__main__":
+    main()

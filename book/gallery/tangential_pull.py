@@ -15,9 +15,18 @@ from scipy.optimize import brentq
 
 from hydrolab import HarmonicBalance, ellipse, floquet, load_machine, modes
 from hydrolab.dynamics import floquet_all
-from hydrolab.machine import Machine, Model, tangential_limit
+from hydrolab.machine import Machine, Model
 
 BALANCE = HarmonicBalance(4)
+
+
+def tangential_limit(mass: float, damping: float, stiffness: float, pull: float) -> float:
+    """Largest |k_t|, N/m, of a stable Jeffcott rotor: c √((k − k_r)/m).
+
+    mass: kg. damping: c, N s/m. stiffness: k of the spring, N/m. pull: k_r, N/m, less than k, or
+    nan comes back.
+    """
+    return damping * math.sqrt((stiffness - pull) / mass) if pull < stiffness else math.nan
 
 
 def with_share(machine: Machine, share: float) -> Model:

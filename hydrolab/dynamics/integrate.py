@@ -378,6 +378,7 @@ def _check_steps(steps: int) -> None:
 Progress = Callable[[int, int], None]
 
 
+@np.errstate(under="ignore")  # what underflows inside a step is nothing
 def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *, speed: float,
               static_eccentricity: float = 0.0, revolutions: int = 1000, ramp: int = 0,
               modes: int | None = 12,

@@ -20,13 +20,7 @@ from hydrolab.machine.elements import energies, shaft_element
 from hydrolab.machine.gap_shape import GapShape, gap_shapes, read_gap, selection_rule
 from hydrolab.machine.model import Model, body_matrices, rigid_link
 from hydrolab.machine.parts import AirGap, Machine, RayleighDamping, RigidBody, Shaft
-from hydrolab.machine.pole_pairs import (
-    PolePairPull,
-    Poles,
-    series_force,
-    truncated_size,
-    whole_size,
-)
+from hydrolab.machine.pole_pairs import PolePairPull, Poles, truncated_size, whole_size
 from hydrolab.machine.pull import (
     Bulge,
     CircularPull,
@@ -38,7 +32,6 @@ from hydrolab.machine.pull import (
     closed_form,
     outline,
     shaped_law,
-    tangential_limit,
 )
 
 __all__ = [
@@ -47,6 +40,6 @@ __all__ = [
     "RayleighDamping", "RigidBody", "Shaft", "ShapedPull", "ShortFilm", "ThrustBearing",
     "TiltedPull", "Wave", "body_matrices", "card_keys", "card_names", "card_text",
     "closed_form", "energies", "gap_shapes", "load_machine", "outline", "read_gap",
-    "rigid_link", "selection_rule", "series_force", "shaft_element", "shaped_law",
-    "tangential_limit", "truncated_size", "vary", "whole_size",
+    "rigid_link", "selection_rule", "shaft_element", "shaped_law",
+    "truncated_size", "vary", "whole_size",
 ]

@@ -34,12 +34,21 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.machine.pull import ForceLaw, Linear
+from hydrolab.machine.pull import ForceLaw, Linear, quiet
 from hydrolab.machine.quantities import Fault, Matrix, Part, Text, Whole, declare, number_field
 
 
+class BearingLaw(ForceLaw):
+    """The force law of a bearing. A linear bearing of the stiffness `reference`, N/m, stands for it
+    in the model's matrix, and the law takes it back.
+    """
+
+    magnetic, gap = False, math.inf
+    reference: float
+
+
 @dataclass(frozen=True)
-class Pads(ForceLaw):
+class Pads(BearingLaw):
     """Force of `count` equal pads at equal angles on a journal at u = (x, z).
 
     stiffness: of one pad, N/m. clearance: of each, m; negative is a preload. angle: gap angle of
@@ -47,7 +56,6 @@ class Pads(ForceLaw):
     matrix, N/m, which this law takes back.
     """
 
-    magnetic, gap = False, math.inf
     stiffness: float
     clearance: float
     count: int
@@ -61,11 +69,6 @@ class Pads(ForceLaw):
         angle = self.angle + 2 * np.pi * np.arange(self.count) / self.count
         return np.stack([np.sin(angle), np.cos(angle)])
 
-    @property
-    def closed_stiffness(self) -> float:
-        """Stiffness of the bearing in any direction while every pad pushes, N/m."""
-        return self.count * self.stiffness / 2
-
     def _pressed(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Directions (2, count); how far the journal is beyond each clearance, and the rounded
         hypotenuse, (…, count).
@@ -74,6 +77,7 @@ class Pads(ForceLaw):
         beyond = np.tensordot(u, n, axes=(0, 0)) - self.clearance
         return n, beyond, np.hypot(beyond, self.rounding)
 
+    @quiet
     def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
                   speed: float = 0.0) -> Linear:
         """Force, N, and its derivative, N/m."""
@@ -83,15 +87,9 @@ class Pads(ForceLaw):
         force = self.reference * u - self.stiffness / 2 * np.einsum("ij,...j->i...", n, d + h)
         return force, slope, None
 
-    def potential(self, u: NDArray) -> NDArray:
-        """V, J, with F = −∂V/∂u; shape of u without its first axis."""
-        _, d, h = self._pressed(u)
-        pressed = (d * d + d * h + self.rounding**2 * np.arcsinh(d / self.rounding)) / 4
-        return self.stiffness * pressed.sum(axis=-1) - self.reference / 2 * (u * u).sum(axis=0)
-
 
 @dataclass(frozen=True)
-class ShortFilm(ForceLaw):
+class ShortFilm(BearingLaw):
     """Force of a cavitated short film on a journal at u = (x, z) that moves with u̇, at a speed Ω.
 
     damping: C = µ R L³/c³, N s/m. clearance: radial, c, m; outside it the force is nan.
@@ -99,7 +97,7 @@ class ShortFilm(ForceLaw):
     back.
     """
 
-    moving, magnetic, gap = True, False, math.inf
+    moving = True
     damping: float
     clearance: float
     reference: float = 0.0
@@ -115,6 +113,7 @@ class ShortFilm(ForceLaw):
         x = u / self.clearance
         return size, m, turned, (x * m).sum(axis=0), (x * turned).sum(axis=0)
 
+    @quiet
     def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
                   speed: float = 0.0) -> Linear:
         """Force, N, and its derivatives with respect to u, N/m, and to the velocity, N s/m."""
@@ -139,9 +138,8 @@ class ShortFilm(ForceLaw):
 
 def _parts(p: NDArray, q: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """1/r, A and B = 1/(1 − q²); nan outside the clearance."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        s = 1 / np.sqrt(1 - p * p - q * q)
-        return s, np.pi / 2 + np.arctan(p * s), 1 / (1 - q * q)
+    s = 1 / np.sqrt(1 - p * p - q * q)
+    return s, np.pi / 2 + np.arctan(p * s), 1 / (1 - q * q)
 
 
 def second_derivatives(p: NDArray, q: NDArray) -> tuple[NDArray, NDArray, NDArray]:
@@ -187,12 +185,8 @@ class Bearing(Part):
     name: str = declare(Text("what the bearing is called", "guide bearing"))
     node: int = declare(Whole("the node it is at, from 0 at the shaft top", 1))
 
-    def law(self, speed: float) -> ForceLaw | None:
-        """What is not linear in it at a speed (rad/s) of the machine; None for a linear bearing.
-
-        A linear bearing of the stiffness `reference`, N/m, an attribute of the law, stands for it
-        in the model's matrix; the law takes it back.
-        """
+    def law(self, speed: float) -> BearingLaw | None:
+        """What is not linear in it at a speed (rad/s) of the machine; None for a linear bearing."""
         return None
 
     def matrices(self) -> tuple[NDArray, NDArray]:

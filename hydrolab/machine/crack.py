@@ -19,13 +19,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
-from hydrolab.machine.pull import ForceLaw, Linear
+from hydrolab.machine.pull import ForceLaw, Linear, quiet
 from hydrolab.machine.quantities import Choice, Part, Text, Whole, declare, number_field
+
+if TYPE_CHECKING:
+    from hydrolab.machine.parts import Shaft
 
 # of the diameter; the strips of the flexibility's integral end in the middle of the section
 DEEPEST = 0.45
@@ -52,6 +56,7 @@ class BreathingCrack(ForceLaw):
         n = np.stack([np.sin(angle), np.cos(angle)])
         return n, -(n * kappa).sum(axis=0)
 
+    @quiet
     def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
                   speed: float = 0.0) -> Linear:
         """Moment, N m, and its derivative with respect to κ = u, N m/rad."""
@@ -124,13 +129,11 @@ class Crack(Part):
     rounding_angle: float = number_field("rad", "angle between the element's ends over which it "
                                          "opens", above=0, default=1e-7, example=(1e-6, "rad"))
 
-    def law(self, young: float, poisson: float, diameter: float, rigidity: float,
-            length: float) -> BreathingCrack:
-        """The crack's law in an element of a solid round shaft.
-
-        young: Pa. poisson: Poisson's ratio. diameter, length: of the element, m. rigidity: EI,
-        N m².
-        """
-        flexibility = crack_flexibility(self.depth, young, poisson, diameter / 2)
-        return BreathingCrack(stiffness_loss(rigidity, length, flexibility), self.phase,
-                              self.rounding_angle, self.breathing == "hinge")
+    def law(self, shaft: Shaft) -> BreathingCrack:
+        """The crack's law in its element of a solid shaft."""
+        i = self.element
+        flexibility = crack_flexibility(self.depth, shaft.young, shaft.poisson,
+                                        float(shaft.diameter[i]) / 2)
+        loss = stiffness_loss(float(shaft.young * shaft.second_moment[i]),
+                              float(np.diff(shaft.nodes)[i]), flexibility)
+        return BreathingCrack(loss, self.phase, self.rounding_angle, self.breathing == "hinge")

@@ -39,6 +39,10 @@ from hydrolab.machine.quantities import (
 )
 
 
+Kind = Literal["static", "synchronous", "forward", "backward"]
+Side = Literal["stator", "rotor"]
+
+
 class ShapeForce(NamedTuple):
     """The force of two orders on a centred rotor, F_z + i F_x = size · e^{i (turns Ωt + angle)}.
 
@@ -46,13 +50,10 @@ class ShapeForce(NamedTuple):
     backward. size: N.
     """
 
-    kind: Literal["static", "synchronous", "forward", "backward"]
+    kind: Kind
     turns: int
     size: float
     angle: float
-
-
-Side = Literal["stator", "rotor"]
 
 
 def selection_rule(stiffness: float, gap: float, one: tuple[Side, Bulge],
@@ -73,8 +74,9 @@ def selection_rule(stiffness: float, gap: float, one: tuple[Side, Bulge],
     turns = high.order * (high_side == "rotor") - low.order * (low_side == "rotor")
     sign = 1 if low_side == high_side else -1
     angle = high.order * high.angle - low.order * low.angle + (0 if sign > 0 else math.pi)
-    same = "static" if low_side == "stator" else "synchronous"
-    kind = same if low_side == high_side else "forward" if turns > 0 else "backward"
+    kind: Kind = "forward" if turns > 0 else "backward"
+    if low_side == high_side:
+        kind = "static" if low_side == "stator" else "synchronous"
     return ShapeForce(kind, turns, 1.5 * stiffness * abs(low.size * high.size) / gap,
                       angle + (math.pi if low.size * high.size < 0 else 0.0))
 

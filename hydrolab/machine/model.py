@@ -1,15 +1,11 @@
-"""Rayleigh damping from damping ratios: C = αM + βK.
-
-Which force laws a machine's parts bring, and on which coordinates u = S q.
-
-The first two coordinates are the (x, z) of the generator's centre; the pull's law may have more
-(`air_gap_law`), and each nonlinear bearing and crack adds its own two. One plain law stays as it
-is, several go side by side.
-
-Machine → Model: matrices, the pull on its coordinates, the unbalance. No solving.
+"""Machine → Model: matrices, the force laws on their coordinates, the unbalance. No solving.
 
 The equation of motion is Eq. (9) of Villa, Carvalho and Salomon:
 M q̈ + (C + Ω G) q̇ + K q = Ω² (F₁ sin Ωt + F₂ cos Ωt) + Sᵀ F_NL(S q − centre).
+
+The first two of the nonlinear coordinates u = S q are the (x, z) of the generator's centre; the
+pull may have more (`air_gap_law`), and each nonlinear bearing and crack adds its own two. One plain
+law stays as it is, several go side by side.
 """
 
 from __future__ import annotations
@@ -37,7 +33,6 @@ from hydrolab.machine.pull import (
 )
 
 if TYPE_CHECKING:
-    from hydrolab.machine.crack import Crack
     from hydrolab.machine.parts import Machine, RigidBody, Shaft
 
 # relative difference below which two frequencies are the pair of an isotropic rotor
@@ -83,10 +78,12 @@ def air_gap_law(machine: Machine, centre: NDArray) -> tuple[ForceLaw, NDArray]:
     centre: the rows of the (x, z) of the body in the gap, (2, n). Without an air gap the law is
     zero everywhere.
     """
-    air = machine.air_gap
+    air, rows = machine.air_gap, centre
     if air is None:
-        return CircularPull(0.0, math.inf), centre
-    law, rows = upright_law(machine), centre
+        return CircularPull(0.0, math.inf), rows
+    law: ForceLaw = (LinearPull if air.linear else CircularPull)(air.pull_stiffness, air.gap)
+    if machine.poles or machine.shapes:
+        law = gap_law(air.pull_stiffness, air.gap, machine.poles, machine.shapes)
     if air.tilt:
         law = TiltedPull(law, air.length)
         rows = np.vstack([centre, slopes(machine.body(air.body).node, centre.shape[1])])
@@ -94,14 +91,6 @@ def air_gap_law(machine: Machine, centre: NDArray) -> tuple[ForceLaw, NDArray]:
         across = TangentialPull(air.tangential * air.pull_stiffness, air.gap)
         law = SeveralLaws((Placed(law, slice(0, len(rows))), Placed(across, slice(0, 2))))
     return law, rows
-
-
-def upright_law(machine: Machine) -> ForceLaw:
-    """The pull of the air gap along the eccentricity, of a rotor that does not tilt."""
-    air = machine.air_gap
-    if machine.poles or machine.shapes:
-        return gap_law(air.pull_stiffness, air.gap, machine.poles, machine.shapes)
-    return (LinearPull if air.linear else CircularPull)(air.pull_stiffness, air.gap)
 
 
 def slopes(node: int, size: int) -> NDArray:
@@ -116,14 +105,6 @@ def place(node: int, per_node: int, size: int, first: int = 0) -> NDArray:
     return np.eye(size)[per_node * node + first:per_node * node + first + 2]
 
 
-def crack_law(machine: Machine, crack: Crack) -> ForceLaw:
-    """The law of a crack in its element."""
-    shaft, i = machine.shaft, crack.element
-    return crack.law(shaft.young, shaft.poisson, float(shaft.diameter[i]),
-                     float(shaft.young * shaft.second_moment[i]),
-                     float(np.diff(shaft.nodes)[i]))
-
-
 def attach(machine: Machine, centre: NDArray,
            supports: Mapping[str, Support]) -> tuple[ForceLaw, NDArray]:
     """The law of a whole machine and its selection S, (c, n). centre: as in `air_gap_law`.
@@ -134,10 +115,12 @@ def attach(machine: Machine, centre: NDArray,
     """
     size = centre.shape[1]
     first, rows = air_gap_law(machine, centre)
-    more = [(f"bearings.{name}", s.law, s.rows) for name, s in supports.items() if s.law]
-    for crack in machine.cracks:
-        upper, lower = (slopes(node, size) for node in (crack.element, crack.element + 1))
-        more.append((f"cracks.{crack.name}", crack_law(machine, crack), lower - upper))
+    more: list[tuple[str, ForceLaw, NDArray]] = [
+        (f"bearings.{name}", s.law, s.rows) for name, s in supports.items() if s.law]
+    if machine.shaft:
+        more += [(f"cracks.{crack.name}", crack.law(machine.shaft),
+                  slopes(crack.element + 1, size) - slopes(crack.element, size))
+                 for crack in machine.cracks]
     placed = [Placed(first, slice(0, len(rows)))]
     for key, law, own in more:
         known = np.round(np.linalg.lstsq(rows.T, own.T, rcond=None)[0].T, 12)
@@ -151,7 +134,7 @@ def attach(machine: Machine, centre: NDArray,
         elif key.startswith("cracks"):
             raise BadInput(f"{key} is in an element that has another crack already; put a node "
                            "between the two, or leave one out.")
-        else:
+        else:  # what is there already
             at = int(known[0].argmax())
         placed.append(Placed(law, slice(at, at + len(own))))
     return (SeveralLaws(tuple(placed)) if more else first), rows
@@ -384,7 +367,7 @@ def bare(machine: Machine) -> Model:
     per_node = 2 if machine.shaft is None else 4
     n = per_node * machine.nodes
     M, C, G, K = (np.zeros((n, n)) for _ in range(4))
-    unbalance_sin, unbalance_cos = np.zeros(n), np.zeros(n)
+    unbalance = np.zeros((2, n))
     generator = np.eye(2, n)
     if machine.shaft:
         add_shaft(machine.shaft, M, G, K)
@@ -394,13 +377,11 @@ def bare(machine: Machine) -> Model:
         m, g = body_matrices(body)
         M[at, at] += link.T @ m @ link
         G[at, at] += link.T @ g @ link
-        centre = link[:2]
-        c, s = math.cos(body.phase), math.sin(body.phase)
-        unbalance_sin[at] += body.unbalance * centre.T @ [c, -s]
-        unbalance_cos[at] += body.unbalance * centre.T @ [s, c]
+        c, s = body.unbalance * math.cos(body.phase), body.unbalance * math.sin(body.phase)
+        unbalance[:, at] += [[c, -s], [s, c]] @ link[:2]
         if body.name == (machine.air_gap.body if machine.air_gap else machine.bodies[0].name):
             generator = np.zeros((2, n))
-            generator[:, at] = centre
+            generator[:, at] = link[:2]
     supports: dict[str, Support] = {}
     for bearing in machine.all_bearings:
         rows = place(bearing.node, per_node, n, 2 * bearing.tilts)
@@ -413,7 +394,7 @@ def bare(machine: Machine) -> Model:
         if not bearing.tilts:
             supports[bearing.name] = Support(rows, stiffness, damping, bent)
     law, selection = attach(machine, generator, supports)
-    return Model(machine.name, M, C, G, K, unbalance_sin, unbalance_cos, selection, law,
+    return Model(machine.name, M, C, G, K, unbalance[0], unbalance[1], selection, law,
                  machine.air_gap.gap if machine.air_gap else math.inf,
                  machine.shaft.nodes if machine.shaft else np.zeros(1), np.eye(n),
                  supports=supports)

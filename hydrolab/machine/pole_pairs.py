@@ -12,30 +12,22 @@ F_z + i F_x = k g0 [2 |c|² a₁ ζ + c̄² a_{2p+1} ζ^{2p+1} + c² a_{2p−1} 
 Only for p = 1 does the beat grow with the first power of the eccentricity; in general it is
 O(ε^{2p−1}). Guo, Chu and Chen (2002) expand the permeance to its third order instead, which changes
 the a_n and drops n > 5. Their text could not be read; the truncated forces here follow from the
-same series (`series_force`).
+same series.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.machine.pull import ForceLaw, Linear, Wave
+from hydrolab.machine.pull import ForceLaw, Linear, Wave, quiet
 from hydrolab.machine.quantities import Choice, Fault, Part, Whole, declare, number_field
 
 # of the series to third order: a_n w² (1 + w)ⁿ as a polynomial in ρ²
 KEPT = {1: (1, 1, 1), 3: (2, 0, 0), 5: (1, 0, 0)}
-
-
-def peak_field(rms: float) -> float:
-    """Peak B̂ = √2 B0 of a wave of the rms value B0, T: taken for the rms itself it doubles the
-    pull.
-    """
-    return math.sqrt(2) * rms
 
 
 def whole_size(w: NDArray, n: int) -> tuple[NDArray, NDArray]:
@@ -83,9 +75,9 @@ class PolePairPull(ForceLaw):
     def _place(self, e: NDArray) -> tuple[NDArray, NDArray]:
         """ζ and w = √(1 − |ζ|²), nan outside the gap."""
         zeta = (e[1] + 1j * e[0]) / self.gap
-        room = 1 - np.abs(zeta) ** 2
-        return zeta, np.sqrt(np.where(room > 0, room, np.nan))
+        return zeta, np.sqrt(1 - np.abs(zeta) ** 2)
 
+    @quiet
     def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
                   speed: float = 0.0) -> Linear:
         """Force, N, and its derivative, N/m; nan where |e| ≥ g0."""
@@ -102,23 +94,13 @@ class PolePairPull(ForceLaw):
             z = zeta if forward else conj
             force += factor * a * z**n
             own = factor * a * n * z ** (n - 1)
-            with np.errstate(invalid="ignore"):  # nan outside the gap
-                through_w = -factor * slope * z**n / (2 * w)
+            through_w = -factor * slope * z**n / (2 * w)
             by_zeta += through_w * conj + (own if forward else 0)
             by_conj += through_w * zeta + (0 if forward else own)
         along_z, along_x = by_zeta + by_conj, 1j * (by_zeta - by_conj)
-        jacobian = self.stiffness * np.stack([np.stack([along_x.imag, along_z.imag]),
-                                              np.stack([along_x.real, along_z.real])])
-        return self.stiffness * self.gap * np.stack([force.imag, force.real]), jacobian, None
-
-    def potential(self, u: NDArray, phase: NDArray | float) -> NDArray:
-        """V, J, with F = −∂V/∂e at a fixed phase, of the whole force; shape of e without its first
-        axis.
-        """
-        zeta, w = self._place(u)
-        c, n = self.wave(phase), 2 * self.pole_pairs
-        beat = (c.conj() ** 2 * zeta**n).real / (w * (1 + w) ** n)
-        return -self.stiffness * self.gap**2 * (np.abs(c) ** 2 / w + beat)
+        slope = np.stack([along_x.imag, along_z.imag, along_x.real, along_z.real])
+        return (self.stiffness * self.gap * np.stack([force.imag, force.real]),
+                self.stiffness * slope.reshape(2, 2, *slope.shape[1:]), None)
 
 
 @dataclass(frozen=True)
@@ -180,39 +162,3 @@ class Poles(Part):
         """
         return PolePairPull(stiffness, gap, self.pole_pairs, self.ratio, self.pole_angle,
                             self.backward, self.backward_angle, self.series == "published")
-
-
-def series_force(pole_pairs: int, orders: int = 3):
-    r"""The truncated force by SymPy: F_z + i F_x over R L F₁²/µ0 as a sum of a^j g^m t^q with
-    a-order zero.
-
-    The permeance is Σ Λ_n cos n(φ − γ), n ≤ orders, the magnetomotive force F₁ cos(pφ − θ), the
-    stress their squared product over 2µ0. With g = e^{iγ} and t = e^{iθ} the integral over φ keeps
-    what does not turn with φ. Returns (force, g, t, Λ): a SymPy expression, its two symbols, and
-    the list of Λ_n.
-    """
-    import sympy as sp
-
-    a, g, t = sp.symbols("a g t")
-    permeance = sp.symbols(f"Lambda0:{orders + 1}")
-    cosine = [(a**n / g**n + g**n / a**n) / 2 for n in range(orders + 1)]
-    field = (a**pole_pairs / t + t / a**pole_pairs) / 2 * sum(
-        size * wave for size, wave in zip(permeance, cosine, strict=True))
-    high = 2 * (pole_pairs + orders)  # makes a polynomial of what has negative powers of a
-    stress = sp.Poly(sp.expand(sp.expand(field**2) * a ** (high + 1) / 2), a)
-    return sp.expand(2 * sp.pi * stress.coeff_monomial(a**high)), g, t, list(permeance)
-
-
-def whole_moment(n: int):
-    """(1/2π) ∮ cos nφ/(1 − ε cos φ)² dφ by the residue at its pole, and ρⁿ (1 + n w)/w³: SymPy,
-    (residue, closed form, ε).
-
-    Half of it over εⁿ is a_n.
-    """
-    import sympy as sp
-
-    eps = sp.symbols("epsilon", positive=True)
-    w, z = sp.sqrt(1 - eps**2), sp.symbols("z")
-    inside, outside = (1 - w) / eps, (1 + w) / eps
-    residue = sp.diff(4 * z ** (n + 1) / (eps**2 * (z - outside) ** 2), z).subs(z, inside)
-    return residue, inside**n * (1 + n * w) / w**3, eps

@@ -8,7 +8,6 @@ Source: Villa, Carvalho and Salomon, Eqs. (2) to (8), after Lundström and Aidan
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Linear = tuple[NDArray, NDArray, NDArray | None]  # force, ∂F_i/∂u_j, ∂F_i/∂v_j
+quiet = np.errstate(all="ignore")  # nan is meant outside the gap, and what underflows is nothing
 
 
 class ForceLaw:
@@ -28,7 +28,7 @@ class ForceLaw:
     2. The force has the shape of u, its derivatives the shape (c, c, …). Forces act on the rotor.
        u is in m or rad, velocity the same per second, phase Ωt in rad, speed Ω in rad/s; phase is
        broadcast against the axes of u after its first. Both methods take any number of such axes.
-    3. Where the law has no answer (outside the gap) the force is nan, without a warning.
+    3. Where the law has no answer (outside the gap) the force is nan, without a warning (`@quiet`).
     4. A law of the position alone leaves `moving` at False; solvers then give it u only. Any other
        says `moving = True` and is given all four. One that knows no velocity returns None as its
        third derivative.
@@ -90,13 +90,14 @@ class CircularPull(ForceLaw):
     stiffness: float
     gap: float
 
+    @quiet
     def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
               speed: float = 0.0) -> NDArray:
         """Force on the rotor, N; shape of u. Meaningless (nan) where |e| ≥ g0."""
         ex, ez = u
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return self.stiffness * (1 - (ex * ex + ez * ez) / self.gap**2) ** -1.5 * u
+        return self.stiffness * (1 - (ex * ex + ez * ez) / self.gap**2) ** -1.5 * u
 
+    @quiet
     def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
                   speed: float = 0.0) -> Linear:
         r"""Force, N, and its derivative, N/m.
@@ -104,20 +105,13 @@ class CircularPull(ForceLaw):
         ∂F/∂e = k [(1 − ε²)^{−3/2} I + 3 (1 − ε²)^{−5/2} e eᵀ/g0²].
         """
         ex, ez = u
-        with np.errstate(invalid="ignore", divide="ignore"):
-            s = 1 / (1 - (ex * ex + ez * ez) / self.gap**2)
-            radial = self.stiffness * s * np.sqrt(s)
+        s = 1 / (1 - (ex * ex + ez * ez) / self.gap**2)
+        radial = self.stiffness * s * np.sqrt(s)
         force = radial * u
         slope = (3 / self.gap**2 * s * force)[:, None] * u
         slope[0, 0] += radial
         slope[1, 1] += radial
         return force, slope, None
-
-    def potential(self, u: NDArray) -> NDArray:
-        """V = −k g0² (1 − ε²)^{−1/2}, J, with F = −∂V/∂e; nan outside the gap."""
-        ex, ez = u
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return -self.stiffness * self.gap**2 / np.sqrt(1 - (ex * ex + ez * ez) / self.gap**2)
 
 
 @dataclass(frozen=True)
@@ -138,10 +132,6 @@ class MatrixPull(ForceLaw):
         slope = np.broadcast_to(matrix.reshape(2, 2, *(1,) * (u.ndim - 1)), (2, *u.shape))
         return (matrix @ u.reshape(2, -1)).reshape(u.shape), slope, None
 
-    def potential(self, u: NDArray) -> NDArray:
-        """V = −uᵀ A u/2, J, which exists for a symmetric A."""
-        return -0.5 * (u * self.force(u)).sum(axis=0)
-
 
 class LinearPull(MatrixPull):
     """The pull as design tools take it: F = k e, a negative stiffness, at any eccentricity."""
@@ -159,15 +149,6 @@ class TangentialPull(MatrixPull):
     """
 
     unit = np.array([[0.0, 1.0], [-1.0, 0.0]])
-
-
-def tangential_limit(mass: float, damping: float, stiffness: float, pull: float) -> float:
-    """Largest |k_t|, N/m, of a stable Jeffcott rotor: c √((k − k_r)/m).
-
-    mass: kg. damping: c, N s/m. stiffness: k of the spring, N/m. pull: k_r, N/m, less than k, or
-    nan comes back.
-    """
-    return damping * math.sqrt((stiffness - pull) / mass) if pull < stiffness else math.nan
 
 
 @dataclass(frozen=True)
@@ -254,8 +235,8 @@ class ShapedPull(ForceLaw):
     def field(self, angle: NDArray, phase: NDArray | float) -> NDArray:
         """f at gap angles (N,) and phases (…), over the reference wave's peak: (…, N)."""
         turned = np.asarray(phase)[..., None]
-        return sum(w.share * np.cos(w.order * angle - w.ratio * turned - w.angle)
-                   for w in self.waves)
+        return sum((w.share * np.cos(w.order * angle - w.ratio * turned - w.angle)
+                    for w in self.waves), np.zeros(1))
 
     def _stress(self, u: NDArray, phase: NDArray | float) -> tuple[NDArray, NDArray, NDArray]:
         """Directions (2, N), share of each angle in the force, N, and gap, m, both (…, N)."""
@@ -266,23 +247,20 @@ class ShapedPull(ForceLaw):
             stress = 2 * self.field(angle, phase) ** 2 * stress
         return np.stack([np.sin(angle), np.cos(angle)]), stress, gap
 
+    @quiet
     def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
               speed: float = 0.0) -> NDArray:
         """Force on the rotor, N; shape of u. Meaningless (nan) where the rotor is in the stator."""
         direction, stress, _ = self._stress(u, phase)
         return np.tensordot(direction, stress, axes=(1, -1))
 
+    @quiet
     def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
                   speed: float = 0.0) -> Linear:
         """Force, N, and its derivative, N/m: one more power of the gap under the integral."""
         direction, stress, gap = self._stress(u, phase)
         slope = np.tensordot(direction[:, None] * direction, 2 * stress / gap, axes=(2, -1))
         return np.tensordot(direction, stress, axes=(1, -1)), slope, None
-
-    def potential(self, u: NDArray, phase: NDArray | float = 0.0) -> NDArray:
-        """V, J, with F = −∂V/∂e at a fixed phase; shape of u without its first axis."""
-        _, stress, gap = self._stress(u, phase)
-        return -(stress * gap).sum(axis=-1)
 
     def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
         """Smallest gap over the N angles, m, and its angle, rad."""
@@ -363,11 +341,6 @@ class TiltedPull(ForceLaw):
                 np.concatenate([np.concatenate([direct, mixed], axis=1),
                                 np.concatenate([mixed, tilt], axis=1)]), None)
 
-    def potential(self, u: NDArray) -> NDArray:
-        """V, J, with force = −∂V/∂u, where the upright pull has one."""
-        _, weight, e, _ = self._slices(u, 0.0)
-        return self.upright.potential(e) @ weight  # type: ignore[attr-defined]
-
     def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
         """Smallest gap, m, and its angle, rad, at the top or the bottom of the rim: no other height
         comes nearer to the stator. Where u is (x, z) alone the rotor is taken as upright.
@@ -439,7 +412,7 @@ class SeveralLaws(ForceLaw):
         return SeveralLaws(tuple(replace(p, law=p.law.scaled(factor)) for p in self.parts))
 
 
-def closed_form():
+def closed_form() -> tuple[Any, Any]:
     r"""The integral behind `CircularPull`, done by SymPy: (∫ cos φ/(1 − ε cos φ)² dφ, 2πε/(1 −
     ε²)^{3/2}).
 

@@ -9,7 +9,6 @@ import pytest
 from scipy.optimize import brentq
 
 from hydrolab import floquet, load_machine, modes
-from hydrolab.machine import tangential_limit
 
 POINT, UNIT = load_machine("jeffcott"), load_machine("kaplan-150rpm")
 MASS, DAMPING, STIFFNESS = (POINT.bodies[0].mass, POINT.bearings[0].damping[0, 0],
@@ -23,7 +22,8 @@ def test_limit_of_a_point_mass(script, sign):
     it for k_t < 0.
     """
     exact = DAMPING * np.sqrt((STIFFNESS - PULL) / MASS) / PULL
-    assert tangential_limit(MASS, DAMPING, STIFFNESS, PULL) / PULL == pytest.approx(exact, rel=1e-12)
+    limit = script.tangential_limit(MASS, DAMPING, STIFFNESS, PULL)
+    assert limit / PULL == pytest.approx(exact, rel=1e-12)
     found = brentq(lambda share: script.growth(sign * share, POINT), 0.9 * exact, 1.1 * exact,
                    xtol=1e-9)
     assert found == pytest.approx(exact, rel=1e-6)
@@ -32,7 +32,7 @@ def test_limit_of_a_point_mass(script, sign):
     growing = free.eigenvalues.real > 0
     assert growing.sum() == 1
     assert free.direction[int(np.argmax(growing))] == ("forward" if sign > 0 else "backward")
-    assert np.isnan(tangential_limit(MASS, DAMPING, PULL, PULL))
+    assert np.isnan(script.tangential_limit(MASS, DAMPING, PULL, PULL))
 
 
 def test_limit_of_the_whole_unit(script):

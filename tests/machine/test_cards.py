@@ -18,7 +18,6 @@ from hydrolab.machine.bearings import BEARINGS
 from hydrolab.machine.cards import (
     ALONE,
     SEVERAL,
-    card_keys,
     card_names,
     card_text,
     load_machine,

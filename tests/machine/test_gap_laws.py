@@ -13,13 +13,11 @@ from hydrolab.machine.parts import MU_0, AirGap
 from hydrolab.machine.pole_pairs import (
     PolePairPull,
     Poles,
-    peak_field,
-    series_force,
     truncated_size,
-    whole_moment,
     whole_size,
 )
 from hydrolab.machine.pull import CircularPull, ShapedPull, TangentialPull, Wave, shaped_law
+from tests.reference.potentials import potential
 
 AIR = AirGap("rotor", 0.5, 0.25, 1.0, 0.005)
 K, G0 = AIR.pull_stiffness, AIR.gap
@@ -80,13 +78,13 @@ def test_potential_at_a_fixed_phase(name):
     e = positions()
     for j in (0, 1):
         step = h * np.eye(2)[:, j, None]
-        fall = (law.potential(e - step, PHASES) - law.potential(e + step, PHASES)) / (2 * h)
+        fall = (potential(law, e - step, PHASES) - potential(law, e + step, PHASES)) / (2 * h)
         assert np.abs(law.force(e, STILL, PHASES, 1.0)[j] - fall).max() < 1e-7 * K * G0
 
 
 @pytest.mark.parametrize("p", [1, 2, 3, 4, 24])
 def test_closed_form_is_the_integral_of_the_stress(p):
-    law, peak = PolePairPull(K, G0, p, p, 0.3), peak_field(AIR.field)
+    law, peak = PolePairPull(K, G0, p, p, 0.3), math.sqrt(2) * AIR.field
     for e, phase in zip(positions(0.8, 4).T, (0.2, 1.0, 2.0, 4.0), strict=True):
         expected = stress_integral(e, lambda phi, t=phase: peak * math.cos(p * (phi - t) - 0.3))
         assert law.force(e, e, phase, 1.0) == pytest.approx(expected, rel=1e-9,
@@ -94,7 +92,7 @@ def test_closed_form_is_the_integral_of_the_stress(p):
 
 
 def test_imbalance_against_the_integral():
-    law, peak, e = LAWS["slip and imbalance"], peak_field(AIR.field), np.array([0.3, -0.4]) * G0
+    law, peak, e = LAWS["slip and imbalance"], math.sqrt(2) * AIR.field, np.array([0.3, -0.4]) * G0
     for phase in (0.0, 1.3, 3.0):
         turn = 1.25 * phase + 0.3
         expected = stress_integral(e, lambda phi,
@@ -104,7 +102,7 @@ def test_imbalance_against_the_integral():
 
 
 def test_waves_against_the_integral():
-    law, peak, e, phase = LAWS["several orders"], peak_field(AIR.field), np.array([0.5,
+    law, peak, e, phase = LAWS["several orders"], math.sqrt(2) * AIR.field, np.array([0.5,
                                                                                    0.3]) * G0, 0.8
     expected = stress_integral(e, lambda phi: peak * float(law.field(np.array([phi]), phase)[0]))
     assert law.force(e, e, phase, 1.0) == pytest.approx(expected, rel=1e-10)
@@ -132,7 +130,7 @@ def test_poles_turn_in_an_oval_stator():
         return (G0 + 0.4e-3 * math.cos(2 * (phi - 0.4)) - 0.2e-3 * math.cos(3 * (phi - phase)))
 
     def field(phi):
-        return peak_field(AIR.field) * (math.cos(2 * phi - theta)
+        return math.sqrt(2) * AIR.field * (math.cos(2 * phi - theta)
                                         + 0.5 * math.cos(2 * phi - theta + 1.1)
                                         + 0.2 * math.cos(2 * phi + theta + 0.9))
 
@@ -213,37 +211,26 @@ def test_small_displacement_of_two_poles():
 
 
 def test_rms_and_peak_field_are_kept_apart():
-    peak = peak_field(AIR.field)
-    assert math.pi * peak**2 * AIR.mean_radius * AIR.length / (2 * MU_0
-                                                               * AIR.gap) == pytest.approx(K, rel=1e-12)
+    peak = math.sqrt(2) * AIR.field
+    by_peak = math.pi * peak**2 * AIR.mean_radius * AIR.length / (2 * MU_0 * AIR.gap)
+    assert by_peak == pytest.approx(K, rel=1e-12)
     by_mistake = AirGap("rotor", peak, AIR.mean_radius, AIR.length, AIR.gap).pull_stiffness
     assert by_mistake == pytest.approx(2 * K, rel=1e-12)
 
 
-# ------------------------------------------------------------------ the derivation
+def whole_moment(n):
+    """(1/2π) ∮ cos nφ/(1 − ε cos φ)² dφ by the residue at its pole, and ρⁿ (1 + n w)/w³: SymPy,
+    (residue, closed form, ε).
 
-@pytest.mark.parametrize("p", [1, 2, 3, 4])
-def test_sympy_derives_the_published_forces(p):
-    """Exponent algebra against the f₁ … f₄ of the series, and both against the law."""
+    Half of it over εⁿ is a_n.
+    """
     import sympy as sp
 
-    force, g, t, (l0, l1, l2, l3) = series_force(p)
-    quarter = sp.pi / 4  # over R L F₁²/µ0
-    f1 = quarter * (2 * l0 * l1 + l1 * l2 + l2 * l3)
-    f3, f4 = quarter * (l0 * l3 + l1 * l2 / 2), quarter * l2 * l3 / 2
-    beat = {1: f1 / 2 * t**2 / g + f3 * g**3 / t**2, 2: f3 * t**2 / g**3 + f4 * g**5 / t**2,
-            3: f4 * t**2 / g**5}
-    assert sp.simplify(force - (f1 * g + beat.get(p, 0))) == 0
-    eps, gamma, theta = 0.4, 0.7, 1.9
-    w = math.sqrt(1 - eps**2)
-    permeance = [1 / w] + [2 / w * ((1 - w) / eps) ** n for n in (1, 2, 3)]
-    number = complex(force.subs(dict(zip((l0, l1, l2, l3), permeance, strict=True)))
-                     .subs({g: sp.exp(sp.I * gamma), t: sp.exp(sp.I * theta)}).evalf())
-    law = PolePairPull(K, G0, p, 1.0, truncated=True)
-    fx, fz = law.force(eps * G0 * np.array([math.sin(gamma), math.cos(gamma)]), np.zeros(2),
-                          theta, 1.0)
-    # k g0 = π R L F₁² µ0/2g0²
-    assert complex(fz, fx) == pytest.approx(number * 2 * K * G0 / math.pi, rel=1e-10)
+    eps = sp.symbols("epsilon", positive=True)
+    w, z = sp.sqrt(1 - eps**2), sp.symbols("z")
+    inside, outside = (1 - w) / eps, (1 + w) / eps
+    residue = sp.diff(4 * z ** (n + 1) / (eps**2 * (z - outside) ** 2), z).subs(z, inside)
+    return residue, inside**n * (1 + n * w) / w**3, eps
 
 
 @pytest.mark.parametrize("n", [1, 3, 5])

@@ -77,8 +77,10 @@ def test_cards_of_these_parts_are_written_and_read(tmp_path):
     again = load_machine(tmp_path / "own.toml")
     assert again.numbers().keys() == machine.numbers().keys()
     e, still = np.array([1e-4, 2e-4]), np.zeros(2)
-    assert np.array_equal(again.model().law.force(e, still, 0.7), machine.model().law.force(e, still, 0.7))
-    assert "shapes.oval.size" in str(machine) and "0.4 mm" in str(machine) and "air_gap.tangential" in str(machine)
+    pulls = [m.model().law.force(e, still, 0.7) for m in (again, machine)]
+    assert np.array_equal(*pulls)
+    said = str(machine)
+    assert "shapes.oval.size" in said and "0.4 mm" in said and "air_gap.tangential" in said
     assert vary(machine, {"shapes.oval.size": 1e-4}).shapes[0].size == 1e-4
     two_pole = load_machine("two-pole")
     assert vary(two_pole, {"poles.backward": 0.3}).model().law.backward == 0.3

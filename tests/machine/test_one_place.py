@@ -8,8 +8,8 @@ import pytest
 from hydrolab import BadInput, HarmonicBalance
 from hydrolab.machine.bearings import JournalFilm, PadBearing
 from hydrolab.machine.crack import Crack
-from hydrolab.machine.pull import ForceLaw, Placed, SeveralLaws
-from tests.machines import CRACK, MACHINES, PADS, UPPER, gap, guided, jeffcott, unit
+from hydrolab.machine.pull import Placed, SeveralLaws
+from tests.machines import CRACK, PADS, UPPER, gap, guided, jeffcott, unit
 from tests.reference.full_balance import solve_full
 
 FILM = JournalFilm("film", UPPER, 0.03, 0.4, 0.25, 1.5e-4)
@@ -90,27 +90,3 @@ def test_two_cracks_in_one_element_are_refused():
         machine.model()
     apart = unit(cracks=(CRACK, Crack("second", CRACK.element + 1, 0.1))).model()
     assert len(apart.selection) == 6
-
-
-@pytest.mark.parametrize("name", MACHINES)
-def test_every_law_is_one_of_the_same_class_and_its_slopes_are_right(name):
-    machine = MACHINES[name]()
-    model = machine.model()
-    law, rng = model.law, np.random.default_rng(2)
-    assert isinstance(law, ForceLaw) and law.coordinates == len(model.selection)
-    assert np.linalg.matrix_rank(model.selection) == len(model.selection)
-    size = np.full(len(model.selection), 2e-5)
-    size[:2] = 1e-3
-    u, v = size[:, None] * rng.uniform(-1, 1, (2, len(size), 5))
-    phase = np.linspace(0, 5, 5)
-    force, by_place, by_rate = law.linearise(u, v, phase, machine.speed)
-    assert law.force(u, v, phase, machine.speed) == pytest.approx(force, rel=1e-13, abs=1e-6)
-    for j, step in enumerate(1e-4 * size[:, None] * np.eye(len(size))):
-        ahead, behind = (law.force(u + s * step[:, None], v, phase, machine.speed) for s in (1, -1))
-        difference = (ahead - behind) / (2 * step[j])
-        assert np.abs(difference - by_place[:, j]).max() <= 1e-5 * np.abs(by_place).max()
-        ahead, behind = (law.force(u, v + s * step[:, None], phase, machine.speed) for s in (1, -1))
-        difference = (ahead - behind) / (2 * step[j])
-        own = 0.0 if by_rate is None else by_rate[:, j]
-        largest = 1e-9 if by_rate is None else 1e-5 * np.abs(by_rate).max()
-        assert np.abs(difference - own).max() <= largest
