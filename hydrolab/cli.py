@@ -16,7 +16,7 @@ from typing import Any
 
 from hydrolab import __version__
 from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.ports import in_words, trouble
+from hydrolab.addresses import in_words, trouble
 
 LEFT_OUT = ("_build", "_static", "instructor", "conf.py", "index.md", "bibliography.md", "api.md",
             ".ipynb_checkpoints",
@@ -183,9 +183,9 @@ def book(options: argparse.Namespace) -> int:
         raise BadInput("--check goes with --refresh: hydrolab book --refresh --check compares and "
                        "writes nothing.")
     if options.refresh is not None:
-        from hydrolab.course.notebooks import refresh_all
+        from hydrolab.course.refresh import refresh_all
 
-        return refresh_all(folder, options.refresh, check=options.check)
+        return refresh_all(folder, options.refresh, compare=options.check)
     from hydrolab.course.static_book import build
 
     print(build(folder, options.out or folder / "_build" / "html", instructor=options.instructor))

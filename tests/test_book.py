@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from hydrolab.course import notebooks
+from hydrolab.course import refresh as notebooks
 from hydrolab.explorers.flipbook import MIME as FLIPBOOK
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
@@ -71,7 +71,7 @@ def printed(chapter: str) -> str:
 def test_stored_as_the_cleaner_leaves_it(chapter):
     stored = CHAPTERS[chapter].read_bytes()
     assert stored == notebooks.text(notebooks.clean(NOTEBOOKS[chapter])).encode(), (
-        f"run: python -m hydrolab.course.notebooks book/{chapter}.ipynb")
+        f"run: python -m hydrolab.course.refresh book/{chapter}.ipynb")
 
 
 def test_ran_from_top_to_bottom_without_an_error_or_a_warning(chapter):

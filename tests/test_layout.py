@@ -17,7 +17,7 @@ PACKAGE = ROOT / "hydrolab"
 
 # A module imports only from its own layer or one before it. The longest matching name decides.
 LAYERS = [
-    ["hydrolab.errors", "hydrolab.progress", "hydrolab.ports"],
+    ["hydrolab.errors", "hydrolab.progress", "hydrolab.addresses"],
     ["hydrolab.machine"],
     ["hydrolab.dynamics"],
     ["hydrolab"],  # the names a chapter imports

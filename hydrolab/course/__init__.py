@@ -9,7 +9,7 @@ compares them, `hand_out` takes the solutions out, `pages` and `static_book` mak
 
 from hydrolab.course import records
 from hydrolab.course.checks import check
-from hydrolab.course.drawings import conventions_picture, counts, gap_picture, sources_picture
+from hydrolab.course.illustrations import conventions_picture, counts, gap_picture, sources_picture
 from hydrolab.course.predictions import answer, predict, recall
 from hydrolab.course.records import (
     Condition,

@@ -9,8 +9,7 @@ import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
-from hydrolab.course import notebooks
-from hydrolab.course.notebooks import Notebook
+from hydrolab.course.refresh import Notebook, clean, read, text
 from hydrolab.errors import BadInput
 
 FOLDED = re.compile(r"\n*<details>\s*<summary>[^<]*(?:Solution|Answer|answer)[^<]*</summary>.*?</details>\n*", re.DOTALL)
@@ -46,8 +45,8 @@ def hand_out(book: Path, files: Iterable[Path], folder: Path) -> str:
         target = folder / relative
         target.parent.mkdir(parents=True, exist_ok=True)
         if relative.suffix == ".ipynb":
-            bare = without_solutions(notebooks.read(book / relative))
-            target.write_text(notebooks.text(notebooks.clean(bare)), encoding="utf-8", newline="\n")
+            bare = without_solutions(read(book / relative))
+            target.write_text(text(clean(bare)), encoding="utf-8", newline="\n")
             count += 1
         else:
             shutil.copyfile(book / relative, target)

@@ -18,7 +18,7 @@ from viser import ViserServer
 
 from hydrolab.errors import BadInput
 from hydrolab.live.gate import Gate
-from hydrolab.ports import in_words, trouble
+from hydrolab.addresses import in_words, trouble
 
 FIRST_PORT = 8080
 VIEWERS = 100  # at once, unless told otherwise

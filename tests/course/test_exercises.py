@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from hydrolab.course import exercises, notebooks
+from hydrolab.course import exercises
+from hydrolab.course import refresh as notebooks
 from hydrolab.course.answers import Exercise
 
 BOOK = Path(__file__).resolve().parents[1] / "book"

@@ -10,7 +10,8 @@ import pytest
 
 import hydrolab
 from hydrolab.cli import course_files, main
-from hydrolab.course import notebooks, pages, static_book
+from hydrolab.course import pages, static_book
+from hydrolab.course import refresh as notebooks
 from hydrolab.course.hand_out import hand_out, without_solutions
 from hydrolab.course.pages import api_page
 from hydrolab.errors import BadInput

@@ -7,7 +7,7 @@ import pytest
 
 from hydrolab import load_machine
 from hydrolab.course import readme_picture
-from hydrolab.course.drawings import conventions_picture, gap_picture
+from hydrolab.course.illustrations import conventions_picture, gap_picture
 from hydrolab.explorers import Explorer
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from hydrolab.course.drawings import gap_picture
+from hydrolab.course.illustrations import gap_picture
 from hydrolab.errors import BadInput
 from hydrolab.explorers import Explorer
 from hydrolab.explorers.flipbook import (
