@@ -1,11 +1,12 @@
 """Sphinx: the static book from the stored chapters. Build it with `hydrolab book`."""
 
+import pkgutil
+import re
 from pathlib import Path
 
-from hydrolab import __version__
+import hydrolab
 from hydrolab.course.pages import (
     SCENES,
-    api_page,
     bibliography_page,
     chapter_page,
     contents,
@@ -20,13 +21,17 @@ BOOK = Path(__file__).parent
 project = "hydrolab"
 author = "the hydrolab authors"
 copyright = "2026, the hydrolab authors; MIT licence"
-version = release = __version__
+version = release = hydrolab.__version__
 language = "en"
 
 INSTRUCTOR = [f"instructor/{path.stem}" for path in sorted(BOOK.glob("instructor/*.md"))
               if tags.has("instructor")]  # noqa: F821
 
-extensions = ["myst_nb", "sphinx.ext.mathjax"]
+extensions = ["myst_nb", "sphinx.ext.mathjax", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
+autodoc_default_options = {"ignore-module-all": True}  # each name where it is defined
+autodoc_member_order = "bysource"
+autodoc_type_aliases = {name: name for name in ("NDArray", "ArrayLike")}
+autosummary_generate = False  # a table, not a page a name
 exclude_patterns = ["_build", "**.ipynb_checkpoints", *([] if INSTRUCTOR else ["instructor"])]
 source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
 
@@ -56,7 +61,7 @@ def read(app, docname, source):
     if docname == "index":
         source[0] += contents(BOOK, INSTRUCTOR)
     elif docname == "api":
-        source[0] = api_page()
+        source[0] += api()
     elif docname == "bibliography":
         source[0] = bibliography_page(BOOK)
     elif docname.startswith("instructor/"):
@@ -72,8 +77,33 @@ def read(app, docname, source):
                 for name in names})
 
 
+def api():
+    """The names that `from hydrolab import …` gives, then every module, for autodoc to fill in."""
+    found = [module.name for module in pkgutil.walk_packages(hydrolab.__path__, "hydrolab.")
+             if not re.search(r"\.exercises|__main__|_book", module.name)]
+    names = "".join(f"   {name}\n" for name in hydrolab.__all__)
+    return "\n\n".join([
+        f"```{{eval-rst}}\n.. currentmodule:: hydrolab\n\n.. autosummary::\n\n{names}```",
+        *(f"## {name}\n\n```{{eval-rst}}\n.. automodule:: {name}\n   :members:\n```"
+          for name in found)])
+
+
+def as_prose(app, what, name, subject, options, lines):
+    """Let a docstring be read as what it is: paragraphs and indented lines, code in backticks, and
+    no other mark that reStructuredText would take for one of its own.
+    """
+    paragraphs = "\n".join(lines).strip().split("\n\n")
+    lines[:] = []
+    for paragraph in paragraphs:
+        parts = re.split(r"`+([^`]*)`+", paragraph)
+        parts[0::2] = [re.sub(r"[*_|\\]", r"\\\g<0>", words) for words in parts[0::2]]
+        parts[1::2] = [rf"\ ``{code}``\ " for code in parts[1::2]]
+        lines += ["".join(parts).replace("\n", " "), ""]
+
+
 def setup(app):
-    """Ask Sphinx to let `read` see each source first."""
+    """Ask Sphinx to let `read` see each source first, and `as_prose` each docstring."""
+    app.connect("autodoc-process-docstring", as_prose)
     # folder of the recorded 3D scenes; `hydrolab book` makes them
     app.add_config_value("scenes", "", "env")
     app.connect("source-read", read)

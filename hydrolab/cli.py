@@ -5,6 +5,7 @@ paper's study, `show` opens the machine in 3D.
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib.util
 import os
 import shutil
@@ -15,12 +16,11 @@ from pathlib import Path
 from typing import Any
 
 from hydrolab import __version__
-from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.addresses import in_words, trouble
+from hydrolab.errors import BadInput, Contact, NoConvergence
 
 LEFT_OUT = ("_build", "_static", "instructor", "conf.py", "index.md", "bibliography.md", "api.md",
-            ".ipynb_checkpoints",
-            "__pycache__")
+            ".ipynb_checkpoints", "__pycache__")
 ANNOUNCEMENTS = "@jupyterlab/apputils-extension:announcements"
 
 
@@ -81,10 +81,10 @@ def prepare_folder(folder: Path, book: Path | None = None) -> tuple[list[Path], 
         raise BadInput(f"--dir is {folder}, a file; choose a folder.")
     copied, kept = [], []
     for relative in course_files(book):
-        if copy_new(book / relative, folder / relative):
+        shipped, mine = book / relative, folder / relative
+        if copy_new(shipped, mine):
             copied.append(relative)
-        elif not (folder / relative).is_file() or (folder / relative).read_bytes() != (book
-                                                                                       / relative).read_bytes():
+        elif not mine.is_file() or mine.read_bytes() != shipped.read_bytes():
             kept.append(relative)
     folder.mkdir(parents=True, exist_ok=True)
     return copied, kept
@@ -144,9 +144,8 @@ def lab(options: argparse.Namespace) -> int:
     folder = options.dir.resolve()
     print(f"The course is in {folder} ({len(copied)} files copied). It is yours to edit.")
     if kept:
-        print("Kept as you left them: "
-              f"{', '.join(map(str, kept[:3]))}{' …' if len(kept) > 3 else ''}. "
-              "Move a file away to get the shipped one again.")
+        print(f"Kept as you left them: {', '.join(map(str, kept[:3]))}"
+              f"{' …' if len(kept) > 3 else ''}. Move a file away to get the shipped one again.")
     print("Save your notebooks before you stop with Ctrl-C.", flush=True)
 
     from jupyterlab.labapp import LabApp
@@ -183,8 +182,11 @@ def book(options: argparse.Namespace) -> int:
         raise BadInput("--check goes with --refresh: hydrolab book --refresh --check compares and "
                        "writes nothing.")
     if options.refresh is not None:
+        from hydrolab.course.pages import card_page
         from hydrolab.course.refresh import refresh_all
 
+        if not options.check:
+            (folder / "card.md").write_text(card_page(), encoding="utf-8", newline="\n")
         return refresh_all(folder, options.refresh, compare=options.check)
     from hydrolab.course.static_book import build
 
@@ -197,96 +199,99 @@ def show(options: argparse.Namespace) -> int:
     network can watch, and who gives the PIN can change things."""
     from hydrolab.live.command import find_run_sheet, show_command
 
-    sheet = find_run_sheet(options.run_sheet,
-                           find_book() / "instructor") if options.run_sheet else None
+    sheet = None
+    if options.run_sheet:
+        sheet = find_run_sheet(options.run_sheet, find_book() / "instructor")
     return show_command(options.card, room=options.room, host=options.host, port=options.port,
-                        viewers=options.viewers,
-                        sheet=sheet, record=options.record, browser=not options.no_browser,
-                        eccentricity=options.eccentricity, orbit=options.orbit)
+                        viewers=options.viewers, sheet=sheet, record=options.record,
+                        browser=not options.no_browser, eccentricity=options.eccentricity,
+                        orbit=options.orbit)
 
 
 def port_number(text: str) -> int:
     """Return a port from a command line's text."""
     if not text.isascii() or not text.isdigit() or not 1 <= int(text) <= 65535:
-        raise argparse.ArgumentTypeError(f"{text!r} is no port; a port is a whole number from 1 to "
-                                         "65535")
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no port; a port is a whole number from 1 to 65535")
     return int(text)
+
+
+def add_lab(command: argparse.ArgumentParser) -> None:
+    """Add the options of `hydrolab lab` to its part of the command line."""
+    add = command.add_argument
+    add("--dir", type=Path, default=Path("hydrolab-book"), metavar="DIR",
+        help="working folder for your copy of the course (default: %(default)s)")
+    add("--port", type=port_number, help="port to listen on (default: 8888 or the next free one)")
+    add("--ip", default="127.0.0.1", help="address to listen on (default: %(default)s)")
+    add("--no-browser", action="store_true", help="print the address and open no browser")
+    add("--students", type=Path, metavar="DIR",
+        help="write a copy without solutions into a new folder, and open nothing")
+
+
+def add_book(command: argparse.ArgumentParser) -> None:
+    """Add the options of `hydrolab book` to its part of the command line."""
+    add = command.add_argument
+    add("--out", type=Path, metavar="DIR", help="folder for the pages (default: book/_build/html)")
+    add("--instructor", action="store_true", help="with the pages for instructors")
+    add("--refresh", nargs="*", metavar="CHAPTER",
+        help="execute and clean these chapters (numbers, or notebooks; none: all chapters) and "
+             "say what changed")
+    add("--check", action="store_true",
+        help="with --refresh: compare with what is stored, write nothing")
+
+
+def add_study(command: argparse.ArgumentParser) -> None:
+    """Add the options of `hydrolab study` to its part of the command line."""
+    add = command.add_argument
+    add("card", nargs="?", default="kaplan-150rpm", metavar="CARD",
+        help="name of a shipped machine card or path of your own TOML file (default: %(default)s)")
+    add("--out", type=Path, default=Path("hydrolab-study"), metavar="DIR",
+        help="folder for report.json and the figures (default: %(default)s)")
+    add("--family", action="store_true",
+        help="judge each claim on the whole family of machines too")
+    add("--no-figures", action="store_true", help="compute and report, draw nothing")
+
+
+def add_show(command: argparse.ArgumentParser) -> None:
+    """Add the options of `hydrolab show` to its part of the command line."""
+    add = command.add_argument
+    add("card", nargs="?", metavar="CARD",
+        help="name of a shipped machine card or path of your own TOML file "
+             "(default: kaplan-150rpm)")
+    add("--room", action="store_true",
+        help="open it to the network: prints address, QR code and PIN")
+    add("--host", metavar="ADDRESS",
+        help="address to listen on (default: 127.0.0.1, with --room the computer's address in its "
+             "network)")
+    add("--port", type=port_number, help="port to listen on (default: 8080 or the next free one)")
+    add("--viewers", type=int, default=100, metavar="N",
+        help="how many may watch at once (default: %(default)s)")
+    add("--run-sheet", metavar="NAME",
+        help="steps for the presenter: 5-minutes, 15-minutes, 45-minutes or a TOML file of your "
+             "own")
+    add("--eccentricity", type=float, metavar="PERCENT",
+        help="static eccentricity of the stator to begin with, %% of the air gap (default: 0)")
+    add("--orbit", type=int, metavar="N",
+        help="which steady state to begin with where there are several, counted along the branch "
+             "(default: 1)")
+    add("--record", type=Path, metavar="FILE.html",
+        help="write a file that plays without a server instead")
+    add("--no-browser", action="store_true", help="print the address and open no browser")
 
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     top = argparse.ArgumentParser(prog="hydrolab", description="Hydropower generator rotors under "
-                                  "unbalanced "
-                                  "magnetic pull: a course and a study.")
+                                  "unbalanced magnetic pull: a course and a study.")
     top.add_argument("--version", action="version", version=f"hydrolab {__version__}")
     commands = top.add_subparsers(title="commands", required=True, metavar="COMMAND")
-
-    command = commands.add_parser("lab", help="open the course in JupyterLab",
-                                  description=lab.__doc__)
-    command.add_argument("--dir", type=Path, default=Path("hydrolab-book"), metavar="DIR",
-                         help="working folder for your copy of the course (default: %(default)s)")
-    command.add_argument("--port", type=port_number, help="port to listen on (default: 8888 or the "
-                                                          "next free one)")
-    command.add_argument("--ip", default="127.0.0.1", help="address to listen on (default: "
-                                                           "%(default)s)")
-    command.add_argument("--no-browser", action="store_true", help="print the address and open no "
-                         "browser")
-    command.add_argument("--students", type=Path, metavar="DIR",
-                         help="write a copy without solutions into a new folder, and open nothing")
-    command.set_defaults(run=lab)
-
-    command = commands.add_parser("book", help="build the static book, or refresh the chapters",
-                                  description=book.__doc__)
-    command.add_argument("--out", type=Path, metavar="DIR", help="folder for the pages (default: "
-                         "book/_build/html)")
-    command.add_argument("--instructor", action="store_true", help="with the pages for instructors")
-    command.add_argument("--refresh", nargs="*", metavar="CHAPTER",
-                         help="execute and clean these chapters (numbers; none: all) and say what "
-                              "changed")
-    command.add_argument("--check", action="store_true", help="with --refresh: compare with what "
-                         "is stored, write nothing")
-    command.set_defaults(run=book)
-
-    command = commands.add_parser("study", help="repeat the paper's study",
-                                  description=study.__doc__)
-    command.add_argument("card", nargs="?", default="kaplan-150rpm", metavar="CARD",
-                         help="name of a shipped machine card or path of your own TOML file "
-                              "(default: %(default)s)")
-    command.add_argument("--out", type=Path, default=Path("hydrolab-study"), metavar="DIR",
-                         help="folder for report.json and the figures (default: %(default)s)")
-    command.add_argument("--family", action="store_true", help="judge each claim on the whole "
-                         "family of machines too")
-    command.add_argument("--no-figures", action="store_true", help="compute and report, draw "
-                         "nothing")
-    command.set_defaults(run=study)
-
-    command = commands.add_parser("show", help="open the machine in 3D", description=show.__doc__)
-    command.add_argument("card", nargs="?", metavar="CARD",
-                         help="name of a shipped machine card or path of your own TOML file "
-                              "(default: kaplan-150rpm)")
-    command.add_argument("--room", action="store_true", help="open it to the network: prints "
-                         "address, QR code and PIN")
-    command.add_argument("--host", metavar="ADDRESS", help="address to listen on (default: "
-                                                           "127.0.0.1, with --room the "
-                         "computer's address in its network)")
-    command.add_argument("--port", type=port_number, help="port to listen on (default: 8080 or the "
-                                                          "next free one)")
-    command.add_argument("--viewers", type=int, default=100, metavar="N",
-                         help="how many may watch at once (default: %(default)s)")
-    command.add_argument("--run-sheet", metavar="NAME", help="steps for the presenter: 5-minutes, "
-                         "15-minutes, 45-minutes "
-                         "or a TOML file of your own")
-    command.add_argument("--eccentricity", type=float, metavar="PERCENT",
-                         help="static eccentricity of the stator to begin with, %% of the air gap "
-                              "(default: 0)")
-    command.add_argument("--orbit", type=int, metavar="N", help="which steady state to begin with "
-                         "where there are several, "
-                         "counted along the branch (default: 1)")
-    command.add_argument("--record", type=Path, metavar="FILE.html", help="write a file that plays "
-                         "without a server instead")
-    command.add_argument("--no-browser", action="store_true", help="print the address and open no "
-                         "browser")
-    command.set_defaults(run=show)
+    for run, add, words in ((lab, add_lab, "open the course in JupyterLab"),
+                            (book, add_book, "build the static book, or refresh the chapters"),
+                            (study, add_study, "repeat the paper's study"),
+                            (show, add_show, "open the machine in 3D")):
+        command = commands.add_parser(run.__name__, help=words, description=run.__doc__)
+        add(command)
+        command.set_defaults(run=run)
     return top
 
 
@@ -295,11 +300,23 @@ def say(sentence: object) -> None:
     print(f"hydrolab: {sentence}", file=sys.stderr)
 
 
+def elsewhere(error: OSError, options: argparse.Namespace) -> str:
+    """What to try where the system refuses to write: the option of this command that names a place.
+    """
+    named = [f"--{name}" for name in ("dir", "out", "record") if hasattr(options, name)]
+    if error.errno in (errno.EROFS, errno.EACCES, errno.EPERM) and named:
+        return f" Name a place that you may write to with {named[0]}."
+    return ""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line. Return 0, 2 for what the user can put right, or 130 after Ctrl-C."""
+    """Run the command line (`arguments`, or what the program was called with). Return 0, 2 for what
+    the user can put right, or 130 after Ctrl-C.
+    """
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a console without Ω still gets its sentence
+    options = argparse.Namespace()
     try:
         options = parser().parse_args(arguments)
         return options.run(options)
@@ -310,7 +327,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     except OSError as error:
-        say(f"{error.filename or 'the system'}: {error.strerror or error}.")
+        say(f"{error.filename or 'the system'}: {error.strerror or error}."
+            f"{elsewhere(error, options)}")
         return 2
     except KeyboardInterrupt:
         say("stopped by Ctrl-C; nothing more was written.")

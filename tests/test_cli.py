@@ -77,6 +77,16 @@ def test_an_interrupted_copy_leaves_no_half_file(book, tmp_path, monkeypatch):
     assert names(tmp_path / "mine") == set()
 
 
+def test_a_folder_that_cannot_be_written_to_gets_another_one(book, tmp_path, monkeypatch, capsys):
+    def refuse(source, target):
+        raise OSError(30, "Read-only file system", str(target))
+
+    monkeypatch.setattr(cli, "find_book", lambda: book)
+    monkeypatch.setattr(cli, "copy_new", refuse)
+    assert cli.main(["lab", "--dir", str(tmp_path / "mine")]) == 2
+    assert_one_sentence(capsys, "Name a place that you may write to with --dir.")
+
+
 @pytest.mark.skipif(os.name == "nt", reason="needs symbolic links")
 def test_lab_does_not_write_through_a_link(book, tmp_path):
     mine = tmp_path / "mine"
@@ -172,6 +182,8 @@ def test_study_gets_what_was_asked(study, tmp_path):
     (NoConvergence("Newton stopped at 8.9 %; a fold is near."), 2, "a fold is near"),
     (Contact("The rotor touches the stator at 12°."), 2, "touches the stator"),
     (PermissionError(13, "Permission denied", "report.json"), 2, "report.json: Permission denied"),
+    (OSError(30, "Read-only file system", "hydrolab-study"), 2, "write to with --out."),
+    (OSError(28, "No space left on device", "report.json"), 2, "No space left on device.\n"),
     (KeyboardInterrupt(), 130, "stopped by Ctrl-C"),
 ])
 def test_failures_are_sentences(study, monkeypatch, capsys, error, code, part):

@@ -11,10 +11,12 @@ import html
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 
 from hydrolab.course.refresh import Cell, Notebook
 from hydrolab.explorers.flipbook import MIME as FLIPBOOK
+from hydrolab.machine.cards import SOURCES, card_keys
 
 DISPLAY = re.compile(r"^\$\$.*?\\tag\{([^}]*)\}\s*\$\$", re.DOTALL | re.MULTILINE)
 # What is no running text: fenced and inline code, displayed and inline mathematics, links, tags.
@@ -26,7 +28,7 @@ PARTS = {"A rotor in a field": range(0, 4), "Steady states": range(4, 6),
          "The study": range(9, 13)}
 # static eccentricities and legs, by chapter
 SCENES = {0: ((0.088, 0),), 10: ((0.0, 0), (0.05, 0), (0.088, 0), (0.088, 2))}
-PAGES = ("notation", "glossary", "errata", "bibliography", "api")  # for reference
+PAGES = ("extend", "card", "notation", "glossary", "errata", "bibliography", "api")  # for reference
 REFERENCE = re.compile(r"^- (.*?\*(?P<title>[^*\n]+)\*.*)$", re.MULTILINE)
 
 
@@ -175,3 +177,22 @@ def bibliography_page(book: Path) -> str:
     return "\n".join(["# Bibliography", "", "Collected from the chapters; the note is that of the "
                                             "first chapter that names "
                       "the publication. Some are cited from memory and say so.", "", *rows, ""])
+
+
+def card_page() -> str:
+    """Every key that a machine card may hold, a table a part, from where its numbers are declared.
+    """
+    lines = ["# The keys of a machine card", "",
+             "Written from the declarations in the library by `hydrolab book --refresh`; "
+             "`hydrolab.machine.card_keys()` gives the same in Python. A key in bold must be "
+             "there. A number states its unit and its source, one of "
+             f"{', '.join(SOURCES)}; it may carry a `note`. `…` stands for the name of a part: in "
+             "the card each such part is a table of its own, `[[bodies]]`."]
+    for part, keys in groupby(card_keys(), key=lambda key: key.part):
+        lines += ["", f"## {part[:1].upper()}{part[1:]}", "",
+                  "| key | meaning | unit | limits | in a card |", "|---|---|---|---|---|"]
+        for key in keys:
+            name = f"**`{key.key}`**" if key.needed else f"`{key.key}`"
+            lines.append(f"| {name} | {key.meaning} | {key.unit} | {key.limits} | "
+                         f"`{key.example}` |")
+    return "\n".join([*lines, ""])

@@ -4,6 +4,7 @@ asked of another host.
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+import hydrolab
 from hydrolab.course import pages
 from hydrolab.course.static_book import NEEDED
 from tests.chromium import BROWSER
@@ -47,6 +49,7 @@ def site(tmp_path_factory):
                           capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stderr
     assert "TeX" not in done.stdout, "MathJax was not fetched"
+    assert list(out.parent.iterdir()) == [out], "something was left beside the pages"
     return out
 
 
@@ -95,7 +98,10 @@ def test_equations_are_linked_and_publications_collected(site):
     assert everything.count('class="eq"') > 20
     bibliography = (site / "bibliography.html").read_text(encoding="utf-8")
     assert bibliography.count("Named in chapter") > 5 and "https://doi.org/10." in bibliography
-    assert "harmonic_balance" in (site / "api.html").read_text(encoding="utf-8")
+    library = (site / "api.html").read_text(encoding="utf-8")
+    for name in hydrolab.__all__:
+        assert f">{name}</span></code>" in library
+    assert re.search(r'id="hydrolab\.dynamics\.\w+\.follow"', library)
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +128,7 @@ def test_a_page_opens_from_disk(site, reader, name):
     reader.evaluate("window.MathJax?.startup?.promise")
     formulas = reader.locator("main .math").count()
     assert reader.locator("main mjx-container").count() == formulas
-    assert formulas or name in ("index", "bibliography", "api")
+    assert formulas or name in ("index", "bibliography", "api", "card", "extend")
     assert reader.locator("mjx-merror").count() == 0
     reader.wait_for_function(LOADED)
     pictures = reader.evaluate("""[...document.querySelectorAll("main .cell_output figure > img")].map(

@@ -4,17 +4,17 @@ stays.
 
 import json
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
-import hydrolab
 from hydrolab.cli import course_files, main
 from hydrolab.course import pages, static_book
 from hydrolab.course import refresh as notebooks
 from hydrolab.course.hand_out import hand_out, without_solutions
-from hydrolab.course.pages import api_page
 from hydrolab.errors import BadInput
+from hydrolab.machine import card_keys
 
 BOOK = Path(__file__).resolve().parents[2] / "book"
 PLACES = {"2.1": "02-a", "1.3": "01-b"}
@@ -78,11 +78,15 @@ def test_every_chapter_stands_in_the_contents():
     assert all((BOOK / f"{name}.md").is_file() for name in pages.PAGES)
 
 
-def test_the_library_is_listed_with_its_words():
-    page = api_page()
-    for name in hydrolab.__all__:
-        assert f"| `{name}` |" in page
-    assert "follow(" in page and "hydrolab.machine.pull" in page and "'Machine'" not in page
+def test_the_card_page_is_stored_as_the_library_declares_it():
+    """Every kind of part and number, each example a line that TOML reads."""
+    page = pages.card_page()
+    assert (BOOK / "card.md").read_text(encoding="utf-8") == page, "run: hydrolab book --refresh"
+    for word in ("pad_stiffness", "viscosity", "pole_pairs", "breathing", "inner_diameter"):
+        assert f"`{word} = " in page
+    examples = re.findall(r"\| `([^`]* = [^`]*)` \|$", page, re.MULTILINE)
+    assert len(examples) == len(card_keys())
+    assert all(tomllib.loads(example) for example in examples)
 
 
 SOLVED = """<details><summary>Solution</summary>
@@ -126,12 +130,16 @@ def test_the_book_is_handed_out_whole_but_for_solutions(tmp_path, capsys):
 
 def test_the_command_refreshes_chapters_by_number(monkeypatch, capsys):
     asked = []
-    monkeypatch.setattr(notebooks, "refresh", lambda path,
-                        check: (asked.append((path.name[:2], check)), (True, "fine"))[1])
+    compared = []
+    monkeypatch.setattr(notebooks, "refresh", lambda path: (asked.append(path.name[:2]),
+                                                            (True, "fine"))[1])
+    monkeypatch.setattr(notebooks, "check", lambda paths: compared.extend(paths) or 0)
     assert main(["book", "--refresh", "10", "02", "--check"]) == 0
-    assert asked == [("10", True), ("02", True)]
+    assert [path.name[:2] for path in compared] == ["10", "02"] and not asked
+    assert main(["book", "--refresh", "3"]) == 0
+    assert asked == ["03"]
     assert main(["book", "--refresh"]) == 0
-    assert len(asked) == 2 + len(pages.chapters(BOOK))
+    assert len(asked) == 1 + len(pages.chapters(BOOK))
     assert main(["book", "--refresh", "77"]) == 2
     assert "no chapter 77; it has 0, 1, 2" in capsys.readouterr().err
 
