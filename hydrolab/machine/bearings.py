@@ -1,27 +1,5 @@
-r"""Bearings: linear, of pads with clearance, with an oil film; the parts and their laws.
-
-A guide bearing of separate pads with clearance: a pad pushes where the journal has crossed its
-clearance.
-
-F = −k Σ_j p(n_j · u − c) n_j over pads in the directions n_j, with p(d) = d for d > 0 and 0
-otherwise. The corner is rounded over a distance b, p(d) = (d + √(d² + b²))/2, as surfaces that meet
-are rounded, so that Newton's method has a derivative. It has a potential, so it neither damps nor
-drives. The set-up of guide bearings with radial pads is described by Gustavsson and Aidanpää (2006)
-and in ISO 20816-5; this law of dry, frictionless pads is the simplest of it.
-
-A short journal film with cavitation (the π-film), in closed form.
-
-In a bearing much shorter than its diameter oil flows along the axis only (Dubois and Ocvirk 1953).
-The Reynolds equation then integrates to F = −C ∫ (w·n) n / (1 − x·n)³ dφ with C = µ R L³/c³, x =
-u/c, n = (sin φ, cos φ) and w = u̇ + (Ω/2)(−z, x): the velocity of the journal seen from axes that
-turn at half the speed. Oil bears no tension, so only the half of the circumference with w·n > 0
-counts. Everything follows from one integral over that half,
-
-G(p, q) = ∫ dθ / (1 − p cos θ − q sin θ) = (2/r) A,  A = π/2 + arctan(p/r),  r² = 1 − p² − q²,  |θ|
-< π/2,
-
-with p and q the parts of x along w and a quarter turn on: F = −(C/2) ∂²G/∂x² w. The same force is
-given in other letters by Capone (1991); Adiletta, Guido and Rossi (1996) print it.
+r"""What carries the shaft: linear bearings, guide bearings of pads with clearance, and a short
+journal film; the laws of the last two, and the parts a card makes them of.
 """
 
 from __future__ import annotations
@@ -49,7 +27,14 @@ class BearingLaw(ForceLaw):
 
 @dataclass(frozen=True)
 class Pads(BearingLaw):
-    """Force of `count` equal pads at equal angles on a journal at u = (x, z).
+    """Force of `count` equal pads at equal angles on a journal at u = (x, z): a pad pushes where
+    the journal has crossed its clearance.
+
+    F = −k Σ_j p(n_j · u − c) n_j over pads in the directions n_j, with p(d) = d for d > 0 and 0
+    otherwise. The corner is rounded over a distance b, p(d) = (d + √(d² + b²))/2, as surfaces that
+    meet are rounded, so that Newton's method has a derivative. It has a potential, so it neither
+    damps nor drives. The set-up of guide bearings with radial pads is described by Gustavsson and
+    Aidanpää (2006) and in ISO 20816-5; this law of dry, frictionless pads is the simplest of it.
 
     stiffness: of one pad, N/m. clearance: of each, m; negative is a preload. angle: gap angle of
     the first pad, rad. rounding: b, m. reference: stiffness of the linear bearing in the model's
@@ -90,7 +75,20 @@ class Pads(BearingLaw):
 
 @dataclass(frozen=True)
 class ShortFilm(BearingLaw):
-    """Force of a cavitated short film on a journal at u = (x, z) that moves with u̇, at a speed Ω.
+    r"""Force of a short film with cavitation (the π-film) on a journal at u = (x, z) that moves
+    with u̇, at a speed Ω, in closed form.
+
+    In a bearing much shorter than its diameter oil flows along the axis only (Dubois and Ocvirk
+    1953). The Reynolds equation then integrates to F = −C ∫ (w·n) n / (1 − x·n)³ dφ with C = µ R
+    L³/c³, x = u/c, n = (sin φ, cos φ) and w = u̇ + (Ω/2)(−z, x): the velocity of the journal seen
+    from axes that turn at half the speed. Oil bears no tension, so only the half of the
+    circumference with w·n > 0 counts. Everything follows from one integral over that half,
+
+    G(p, q) = ∫ dθ / (1 − p cos θ − q sin θ) = (2/r) A,  A = π/2 + arctan(p/r),
+    r² = 1 − p² − q²,  |θ| < π/2,
+
+    with p and q the parts of x along w and a quarter turn on: F = −(C/2) ∂²G/∂x² w. The same force
+    is given in other letters by Capone (1991); Adiletta, Guido and Rossi (1996) print it.
 
     damping: C = µ R L³/c³, N s/m. clearance: radial, c, m; outside it the force is nan.
     reference: stiffness of the linear bearing in the model's matrix, N/m, which this law takes
