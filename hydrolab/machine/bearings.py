@@ -7,13 +7,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.machine.pull import ForceLaw, Linear, quiet
-from hydrolab.machine.quantities import Fault, Matrix, Part, Text, Whole, declare, number_field
+from hydrolab.machine.quantities import (
+    Fault,
+    Part,
+    bearing_matrix,
+    number_field,
+    text_field,
+    whole_field,
+)
 
 
 class BearingLaw(ForceLaw):
@@ -180,8 +187,8 @@ class Bearing(Part):
     told_by: ClassVar[str]
     group: ClassVar[str]
     tilts: ClassVar[bool] = False
-    name: str = declare(Text("what the bearing is called", "guide bearing"))
-    node: int = declare(Whole("the node it is at, from 0 at the shaft top", 1))
+    name: str = text_field("what the bearing is called", "guide bearing")
+    node: int = whole_field("the node it is at, from 0 at the shaft top", 1)
 
     def law(self, speed: float) -> BearingLaw | None:
         """What is not linear in it at a speed (rad/s) of the machine; None for a linear bearing."""
@@ -194,34 +201,31 @@ class Bearing(Part):
 
 @dataclass(frozen=True, eq=False)
 class RadialBearing(Bearing):
-    """A linear radial bearing: force on the rotor −stiffness·u − damping·u̇ with u = (x, z).
-
-    stiffness (N/m) and damping (N s/m): one number (isotropic), two ([x, z]) or 2 × 2.
-    """
+    """A linear radial bearing: force on the rotor −stiffness·u − damping·u̇ with u = (x, z)."""
 
     noun = "a radial bearing"
     told_by = "stiffness"
     group = "bearings"
-    stiffness: NDArray = number_field("N/m", "stiffness, of each direct entry", holds=Matrix,
-                                      least=0, example=(1.37e9, "N/m"))
-    damping: NDArray | float = number_field("N s/m", "damping, of each direct entry", holds=Matrix,
-                                            least=0, default=0.0, example=(1e6, "N s/m"))
+    stiffness: NDArray | Any = number_field(
+        "N/m", "stiffness: one number (isotropic), [x, z] or [[xx, xz], [zx, zz]]; direct entries "
+        "at least 0", form=bearing_matrix, example=1.37e9)
+    damping: NDArray | Any = number_field("N s/m", "damping, likewise", form=bearing_matrix,
+                                          default=0.0, example=1e6)
 
     def matrices(self) -> tuple[NDArray, NDArray]:
         """Stiffness, N/m, and damping, N s/m."""
-        return self.stiffness, np.asarray(self.damping)
+        return self.stiffness, self.damping
 
 
 @dataclass(frozen=True)
 class ThrustBearing(Bearing):
-    """A thrust bearing seen by the lateral motion: an angular spring, N m/rad, at one node."""
+    """A thrust bearing seen by the lateral motion: an angular spring at one node."""
 
     noun = "a thrust bearing"
     told_by = "tilt_stiffness"
     group = "thrust_bearings"
     tilts = True
-    tilt_stiffness: float = number_field("N m/rad", "stiffness against tilt", least=0,
-                                         example=(5e7, "N m/rad"))
+    tilt_stiffness: float = number_field("N m/rad", "stiffness against tilt", least=0, example=5e7)
 
     def matrices(self) -> tuple[NDArray, NDArray]:
         """Stiffness, N m/rad, and damping, N m s/rad."""
@@ -233,28 +237,21 @@ STIFF = 5  # so that the linear answer, from which a solver starts, lies within 
 
 @dataclass(frozen=True)
 class PadBearing(Bearing):
-    """A guide bearing of separate pads with clearance (`Pads`): dry contact, no friction.
-
-    pads: how many, at equal angles. pad_stiffness: of each, N/m. clearance: between each and the
-    resting journal, m; negative is a preload. angle: gap angle of the first pad, rad. rounding:
-    distance over which contact begins softly, m; 0 stands for a tenth of the clearance, or of a
-    millimetre where there is no clearance.
-    """
+    """A guide bearing of separate pads with clearance (`Pads`): dry contact, no friction."""
 
     noun = "pads with clearance"
     told_by = "pad_stiffness"
     group = "pad_bearings"
-    pads: int = declare(Whole("how many pads, at equal angles", 8, least=3, most=64, why="with "
-                              "fewer than 3 the journal can slip out between"))
-    pad_stiffness: float = number_field("N/m", "stiffness of each pad", above=0,
-                                        example=(3.4e8, "N/m"))
+    pads: int = whole_field("how many pads, at equal angles", 8, least=3, most=64,
+                            why="with fewer than 3 the journal can slip out between")
+    pad_stiffness: float = number_field("N/m", "stiffness of each pad", above=0, example=3.4e8)
     clearance: float = number_field("m", "between each pad and the resting journal; negative is a "
                                     "preload", example=(150, "µm"))
     angle: float = number_field("rad", "gap angle of the first pad, from z towards x", default=0.0,
                                 example=(22.5, "deg"))
-    rounding: float = number_field("m", "distance over which contact begins softly; 0 stands for a "
-                                   "tenth of the clearance", least=0, default=0.0,
-                                   example=(15, "µm"))
+    rounding: float = number_field(
+        "m", "distance over which contact begins softly; 0 stands for a tenth of the clearance, or "
+        "of a millimetre where there is none", least=0, default=0.0, example=(15, "µm"))
 
     def law(self, speed: float = 0.0) -> Pads:
         """The law of its pads, which takes back the linear bearing of their closed stiffness."""
@@ -265,20 +262,17 @@ class PadBearing(Bearing):
 
 @dataclass(frozen=True)
 class JournalFilm(Bearing):
-    """A short journal bearing with a cavitated oil film (`ShortFilm`).
-
-    viscosity: µ, Pa s. journal_radius: R, m. film_length: L along the axis, m. clearance: radial,
-    m.
-    """
+    """A short journal bearing with a cavitated oil film (`ShortFilm`)."""
 
     noun = "a journal film"
     told_by = "viscosity"
     group = "films"
-    viscosity: float = number_field("Pa s", "viscosity of the oil", above=0, example=(0.03, "Pa s"))
-    journal_radius: float = number_field("m", "radius of the journal", above=0, example=(400, "mm"))
-    film_length: float = number_field("m", "length of the film along the axis", above=0,
+    viscosity: float = number_field("Pa s", "viscosity µ of the oil", above=0, example=0.03)
+    journal_radius: float = number_field("m", "radius R of the journal", above=0,
+                                         example=(400, "mm"))
+    film_length: float = number_field("m", "length L of the film along the axis", above=0,
                                       example=(250, "mm"))
-    clearance: float = number_field("m", "radial clearance", above=0, example=(200, "µm"))
+    clearance: float = number_field("m", "radial clearance c", above=0, example=(200, "µm"))
 
     def disagreements(self) -> Iterator[Fault]:
         """A film is thin and short."""
