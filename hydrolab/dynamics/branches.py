@@ -1,13 +1,8 @@
-"""A harmonic balance at one value of a parameter, and the path of all its values.
+"""Branches of steady states, followed past their folds along any parameter of a model.
 
-What a branch can be followed along: each parameter as a family of harmonic balances with its
-derivative.
-
-static_eccentricity (fraction of the gap) · direction (gap angle of the offset, rad) · speed (rad/s)
-· field and unbalance (factors on the machine's own) · bearings.<name>.stiffness (N/m, both
-directions).
-
-Branches of steady states, followed past their folds along any parameter of a model.
+What can be followed: static_eccentricity (fraction of the gap) · direction (gap angle of the
+offset, rad) · speed (rad/s) · field and unbalance (factors on the machine's own) · and any number
+of the machine's card by its key, such as "bodies.generator.mass" or "air_gap.gap", in SI units.
 """
 
 from __future__ import annotations
@@ -15,19 +10,38 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.continuation import ParametrisedSystem, Step, arclength, correct, land, locate_fold
-from hydrolab.dynamics.harmonic_balance import Condensed, HarmonicBalance, condensed_slope
-from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
+from hydrolab.dynamics.continuation import (
+    ParametrisedSystem,
+    Step,
+    arclength,
+    correct,
+    land,
+    locate_fold,
+)
+from hydrolab.dynamics.harmonic_balance import Condensed, HarmonicBalance, dynamic_stiffness
+from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint, require
 from hydrolab.dynamics.solvers import newton
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 from hydrolab.machine.pull import CircularPull
-from hydrolab.machine.quantities import number, whole
+from hydrolab.machine.quantities import number, shown, whole
 
+__all__ = ["Arclength", "Step", "arclength", "correct", "follow", "locate_fold", "orbits_at",
+           "sweep"]
+
+# parameters other than angles and eccentricities are scaled by this times their first value
+REACH = 10.0
+NEARBY = 1e-6  # relative change of a parameter in the central difference by it
+CLOSED = 1e-3  # a branch that comes this near its first point, in the scaled norm, is closed
+
+
+# ------------------------------------------------------------------ the path along a parameter
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -37,7 +51,7 @@ class Problem:
     static_eccentricity: float
     direction: float
 
-    @property
+    @cached_property
     def centre(self) -> NDArray:
         """Stator centre (x_E, z_E), m."""
         return self.equations.model.centre(self.static_eccentricity, self.direction)
@@ -47,182 +61,254 @@ class Problem:
 class Path:
     """A parameter to follow: its name and unit, first value, scale, and the problem at any value.
 
-    slope: (problem, value, y, Jacobian) → derivative of the scaled residual with respect to the
-    value.
+    here: the problem at the first value; unknowns keep its scales all along. balance: how its
+    equations are made.
     """
 
     parameter: str
     unit: str
     first: float
     scale: float
-    at: Callable[[float], Problem]
-    slope: Callable[[Problem, float, NDArray, NDArray], NDArray]
+    here: Problem
+    balance: HarmonicBalance
+
+    def at(self, value: float) -> Problem:
+        """The problem at a value of the parameter; BadInput where there is none."""
+        here = self.here
+        if self.parameter == "static_eccentricity":
+            return Problem(here.equations, value, here.direction)
+        if self.parameter == "direction":
+            return Problem(here.equations, here.static_eccentricity, value)
+        return _changed(self, float(value))
+
+    def slope(self, y: NDArray, value: float) -> NDArray:
+        """∂H/∂λ of the residual in N, by a central difference; nan at the edge of what is allowed.
+        """
+        h = NEARBY * max(abs(value), 0.01 * self.scale)
+        try:
+            ahead, behind = self.at(value + h), self.at(value - h)
+        except BadInput:
+            return np.full(len(y), np.nan)
+        eq, other = ahead.equations, behind.equations
+        if eq is other:  # the stator alone moves, and all but the forces cancels
+            forces = eq.forces(y, ahead.centre) - eq.forces(y, behind.centre)
+            return -eq.force / (2 * h) * (forces @ eq.analysis).ravel()
+        return (eq.force * eq.residual(y, ahead.centre)
+                - other.force * other.residual(y, behind.centre)) / (2 * h)
 
     def system(self) -> ParametrisedSystem:
         """The residual with its derivatives in (y, value/scale), as `arclength` takes it."""
-        def system(y: NDArray, scaled: float) -> tuple[NDArray, NDArray, NDArray]:
+        def system(y: NDArray, scaled: float) -> tuple[NDArray, NDArray, Callable[[], NDArray]]:
             value = scaled * self.scale
             try:
                 problem = self.at(value)
-                residual, jacobian = problem.equations.linearise(y, problem.centre)
+                eq = problem.equations
+                residual, jacobian = eq.linearise(y, problem.centre)
             # a speed below zero, a stator outside the gap: there is nothing to follow there
             except BadInput:
-                return np.full(len(y), np.nan), np.zeros((len(y), len(y))), np.zeros(len(y))
-            return residual, jacobian, self.scale * self.slope(problem, value, y, jacobian)
+                nothing = np.full(len(y), np.nan)
+                return nothing, np.zeros((len(y), len(y))), lambda: nothing
+            return residual, jacobian, lambda: self.scale / eq.force * self.slope(y, value)
         return system
 
     def say(self, value: float, digits: int = 4) -> str:
         """A value in words, with its unit."""
-        return f"{100 * value:.{digits}g} %" if self.unit == "%" else f"{value:.{digits}g}{self.unit and ' '}{self.unit}"
-
-
-# parameters other than angles and eccentricities are scaled by this times their first value
-REACH = 10.0
-NEARBY = 1e-6  # relative change of the speed for the forces' derivative by it
+        if self.unit == "%":
+            return f"{100 * value:.{digits}g} %"
+        return f"{value:.{digits}g} {self.unit}".rstrip()
 
 
 def path(model: Model, parameter: str, balance: HarmonicBalance, speed: float,
-         static_eccentricity: float,
-         direction: float) -> Path:
-    """The path along a parameter from the given state.
+         static_eccentricity: float, direction: float) -> Path:
+    """The path along a parameter from the given state; arguments as in `follow`.
 
     Raises BadInput for a parameter that this model does not have.
     """
-    makers = {"static_eccentricity": _eccentricity, "direction": _direction, "speed": _speed,
-              "field": _field,
-              "unbalance": _unbalance}
     here = Problem(balance.equations(model, speed), static_eccentricity, direction)
-    if parameter in makers:
-        return makers[parameter](here, balance)
-    name = parameter.removeprefix("bearings.").removesuffix(".stiffness")
-    alike = [name for name, bearing in model.supports.items() if not bearing.law
-             and np.array_equal(bearing.stiffness, bearing.stiffness[0, 0] * np.eye(2))]
-    if name in alike and parameter == f"bearings.{name}.stiffness":
-        return _stiffness(here, balance, name)
-    known = [*makers, *(f"bearings.{name}.stiffness" for name in alike)]
-    raise BadInput(f"parameter is {parameter!r}; what can be followed is {', '.join(known)}.")
-
-
-def stator_shift(problem: Problem, shift: NDArray, jacobian: NDArray) -> NDArray:
-    """Change of the scaled residual when the stator moves by `shift` (m) per unit of a parameter.
-
-    Moving the stator is moving the mean the other way, but only in the pull: Λ − ∂H/∂Y is ∂Z/∂Y.
-    """
-    eq = problem.equations
-    columns = eq.linear.shape[1]
-    pull = eq.stiffness - jacobian
-    return (pull[:, 0] * shift[0] + pull[:, columns] * shift[1]) / eq.length
-
-
-def _eccentricity(here: Problem, balance: HarmonicBalance) -> Path:
-    model = here.equations.model
-    if not math.isfinite(model.gap):
-        raise BadInput(f"{model.name} has no air gap, so there is no static eccentricity to follow.")
-    unit = model.gap * np.array([math.sin(here.direction), math.cos(here.direction)])
-    return Path("static_eccentricity", "%", here.static_eccentricity, 1.0,
-                lambda value: Problem(here.equations, value, here.direction),
-                lambda problem, value, y, jacobian: stator_shift(problem, unit, jacobian))
-
-
-def _direction(here: Problem, balance: HarmonicBalance) -> Path:
-    offset = here.static_eccentricity * here.equations.model.gap
-    if not here.static_eccentricity:
+    if parameter == "static_eccentricity" and not math.isfinite(model.gap):
+        raise BadInput(f"{model.name} has no air gap, so there is no static eccentricity to "
+                       "follow.")
+    if parameter == "direction" and not static_eccentricity:
         raise BadInput("direction can only be followed with a static_eccentricity other than 0.")
-    return Path("direction", "rad", here.direction, 1.0,
-                lambda value: Problem(here.equations, here.static_eccentricity, value),
-                lambda problem, value, y, jacobian: stator_shift(
-                    problem, offset * np.array([math.cos(value), -math.sin(value)]), jacobian))
+    known = {"static_eccentricity": (static_eccentricity, "%"), "direction": (direction, "rad"),
+             "speed": (here.equations.speed, "rad/s"), "field": (1.0, "times its own"),
+             "unbalance": (1.0, "times its own")}
+    if parameter not in known:
+        known[parameter] = _number(model, parameter, known)
+    first, unit = known[parameter]
+    scale = 1.0 if parameter in ("static_eccentricity", "direction") else REACH * abs(first)
+    return Path(parameter, "" if unit == "1" else unit, first, scale, here, balance)
 
 
-def _field(here: Problem, balance: HarmonicBalance) -> Path:
-    own = here.equations
-
-    def slope(problem: Problem, value: float, y: NDArray, jacobian: NDArray) -> NDArray:
-        position, velocity = own.position(y, problem.centre), own.velocity(y)
-        laws = own.model.law, own.model.law.scaled(0.0)
-        with_it, without = (law.force(position, velocity, own.phase, own.speed) for law in laws)
-        # the pull goes with the square
-        return -2 * value * ((with_it - without) @ own.analysis).ravel()
-
-    return Path("field", "times its own", 1.0, REACH,
-                lambda value: replace(here, equations=replace(own,
-                                                              model=own.model.with_field(value))),
-                slope)
+def _number(model: Model, key: str, known: Iterable[str]) -> tuple[float, str]:
+    """A number of the machine's card, with its unit; a sentence with what can be followed."""
+    try:
+        return model.number(key)
+    except BadInput as error:
+        raise BadInput(f"parameter is {shown(key)}; what can be followed is {', '.join(known)} "
+                       f"and any number of the machine's card. {error}") from None
 
 
-def _unbalance(here: Problem, balance: HarmonicBalance) -> Path:
-    own = here.equations
-
-    def at(value: float) -> Problem:
+@lru_cache(maxsize=64)
+def _changed(along: Path, value: float) -> Problem:
+    """The problem of a path that changes the equations at a value of its parameter."""
+    here, own, key = along.here, along.here.equations, along.parameter
+    if key == "speed":
+        return replace(here, equations=along.balance.equations(own.model, value, own.length))
+    if key == "field":
+        return replace(here, equations=replace(own, model=own.model.with_field(value)))
+    if key == "unbalance":
         return replace(here, equations=replace(own, model=own.model.with_unbalance(value),
                                                linear=value * own.linear,
                                                shaft_linear=value * own.shaft_linear))
-
-    return Path("unbalance", "times its own", 1.0, REACH, at,
-                lambda problem, value, y, jacobian: -own.stiffness @ own.linear.ravel())
-
-
-def _speed(here: Problem, balance: HarmonicBalance) -> Path:
-    model = here.equations.model
-
-    def slope(problem: Problem, value: float, y: NDArray, jacobian: NDArray) -> NDArray:
-        eq = problem.equations
-        dynamic = [-2 * k**2 * value * model.M + 1j * k
-                   * (model.velocity_matrix(value) + value * model.G)
-                   for k in np.arange(balance.harmonics + 1) / balance.revolutions]
-        load = 2 * value * (model.unbalance_cos - 1j * model.unbalance_sin)
-        change = _linear_slope(eq, dynamic, load, y)
-        # velocities of the same orbit grow with the speed, and a film knows the speed itself
-        if model.law.moving:
-            position, velocity = eq.position(y, problem.centre), eq.velocity(y)
-            faster, slower = (model.law.force(position, (1 + h) * velocity, eq.phase,
-                                              (1 + h) * value)
-                              for h in (NEARBY, -NEARBY))
-            change -= ((faster - slower) / (2 * NEARBY * value) @ eq.analysis).ravel()
-        return change
-
-    return Path("speed", "rad/s", here.equations.speed, REACH * here.equations.speed,
-                lambda value: replace(here, equations=balance.equations(model, value)), slope)
+    model = own.model.with_number(key, value)
+    # a number of a law alone leaves the linear machine, and its elimination, as they are
+    if all(np.array_equal(getattr(model, name), getattr(own.model, name)) for name in LINEAR):
+        return replace(here, equations=replace(own, model=model))
+    return replace(here, equations=along.balance.equations(model, own.speed, own.length))
 
 
-def _stiffness(here: Problem, balance: HarmonicBalance, name: str) -> Path:
-    model, bearing = here.equations.model, here.equations.model.supports[name]
-    touched = bearing.rows.T @ bearing.rows
-    first = float(bearing.stiffness[0, 0])
-
-    def at(value: float) -> Problem:
-        # Rayleigh damping is a property of the machine as built and does not follow the bearing.
-        own = replace(bearing, stiffness=value * np.eye(2))
-        changed = replace(model, K=model.K + (value - first) * touched,
-                          supports={**model.supports, name: own})
-        return replace(here, equations=balance.equations(changed, here.equations.speed))
-
-    def slope(problem: Problem, value: float, y: NDArray, jacobian: NDArray) -> NDArray:
-        dynamic = [touched + 0j] * (balance.harmonics + 1)
-        return _linear_slope(problem.equations, dynamic, np.zeros(model.size, dtype=complex), y)
-
-    return Path(f"bearings.{name}.stiffness", "N/m", first, REACH * first, at, slope)
+LINEAR = ("M", "C", "G", "K", "unbalance_sin", "unbalance_cos", "selection")
 
 
-def _linear_slope(eq: Condensed, dynamic: list[NDArray], load: NDArray, y: NDArray) -> NDArray:
-    """Change of the scaled residual with the linear machine: Λ' (Y − Y_lin) − Λ Y_lin'."""
-    stiffness, linear = condensed_slope(eq, dynamic, load)
-    return stiffness @ (y - eq.linear.ravel()) - eq.stiffness @ linear.ravel()
+# ------------------------------------------------------------------ resonances on the way
+
+SHARE = 0.3  # of the distance to the nearest resonance: the longest step
+SHARPEST = 3e-5  # relative: no step is made shorter than this for a resonance
+FAR, NEAR = 0.1, 0.01  # relative changes of a parameter after which resonances are sought again
+SILENT = 1e-12  # of the length scale: a harmonic below it is not there
 
 
-__all__ = ["Arclength", "Step", "arclength", "correct", "follow", "locate_fold", "orbits_at",
-           "sweep"]
-# a branch that comes this near its first point, in the scaled norm along the way, is closed
-CLOSED = 1e-3
+def resonances(along: Path, value: float, y: NDArray) -> NDArray:
+    """Values of the parameter, complex, where the machine would vibrate freely with one of the
+    frequencies in its motion y; their imaginary parts are the widths of the peaks.
 
+    Z_k(λ) of all DOFs, with the mean slopes of the forces along the motion, is taken as a parabola
+    in λ, which it is for a speed, a mass or a stiffness; where that is singular is an eigenvalue
+    problem of twice its size.
+    """
+    eq = along.here.equations
+    size = np.abs(y.reshape(len(eq.linear), -1)).max(axis=0)
+    live = [k for k in range(1, eq.harmonics + 1)
+            if k == eq.revolutions or size[2 * k - 1:2 * k + 1].max() > SILENT]
+    h = FAR * max(abs(value), 0.01 * along.scale)
+    try:
+        before, here, after = (_stiffnesses(along.at(v), y, live)
+                               for v in (value - h, value, value + h))
+        # (Z + x Z' + x² Z'') q = 0 for λ = value + h x, as an eigenvalue problem in 1/x
+        first, second = (-np.linalg.solve(here, change) for change in
+                         ((after - before) / 2, (after + before) / 2 - here))
+    except (BadInput, np.linalg.LinAlgError):
+        return np.empty(0)
+    one = np.broadcast_to(np.eye(len(here[0])), here.shape)
+    inverse = np.linalg.eigvals(np.block([[first, second], [one, 0 * one]])).ravel()
+    return value + h / inverse[np.abs(inverse) > 1e-9]
+
+
+def _stiffnesses(problem: Problem, y: NDArray, harmonics: list[int]) -> NDArray:
+    """Z_k − Sᵀ(slope + iω damping) S of all DOFs, with the forces' mean slopes, (…, n, n)."""
+    eq = problem.equations
+    S = eq.model.selection
+    _, slope, damping = eq.model.law.linearise(eq.position(y, problem.centre), eq.velocity(y),
+                                               eq.phase, eq.speed)
+    mean = slope.mean(axis=-1)
+    rate = 0 * mean if damping is None else damping.mean(axis=-1)
+    found = []
+    for k in harmonics:
+        w = k * eq.speed / eq.revolutions
+        found.append(dynamic_stiffness(eq.model, w, eq.speed) - S.T @ (mean + 1j * w * rate) @ S)
+    return np.array(found)
+
+
+def foresight(along: Path) -> Callable[[Step], float] | None:
+    """A function that gives the longest step from a point, so that no resonance is stepped over;
+    None along parameters that leave the linear machine and its forcing frequency as they are.
+    """
+    if along.parameter in ("static_eccentricity", "direction", "unbalance"):
+        return None
+    seen, reach, poles = math.nan, 0.0, np.empty(0)
+
+    def longest(step: Step) -> float:
+        nonlocal seen, reach, poles
+        value = step.parameter * along.scale
+        if not abs(value - seen) < reach:
+            seen, poles = value, resonances(along, value, step.y)
+            nearest = np.abs(poles - value).min(initial=math.inf)
+            reach = max(NEAR * abs(value), min(FAR * abs(value), nearest))
+        nearest = np.abs(poles - value).min(initial=math.inf)
+        change = max(SHARE * nearest, SHARPEST * abs(value)) / along.scale
+        return change / max(abs(float(step.tangent[-1])), 1e-9)
+
+    return longest
+
+
+# ------------------------------------------------------------------ natural continuation
+
+def sweep(model: Model, method: HarmonicBalance, static_eccentricities: Iterable[float], *,
+          speed: float, direction: float = math.pi / 2) -> Branch:
+    """Natural continuation (Villa et al., section 5): each steady state starts from the last one.
+
+    static_eccentricities: fractions of the gap. speed: rad/s. direction: gap angle of the offset,
+    rad. Ends with the first eccentricity at which the solver stops or the rotor touches; `stopped`
+    says so in words. Raises NoConvergence or Contact if there is not even the first.
+    """
+    require("method", method, HarmonicBalance)
+    values = [number("static_eccentricities", v) for v in static_eccentricities]
+    if not values:
+        raise BadInput("static_eccentricities is empty; give at least one fraction of the gap.")
+    orbit = method.solve(model, speed, values[0], direction=direction)
+    eq = orbit.equations
+    rows, left = [orbit.local.ravel() / eq.length], [orbit.residual]
+    stopped = f"It ends as asked at {100 * values[-1]:.4g} %."
+    for before, value in pairwise(values):
+        solution = method.from_guess(eq, model.centre(value, direction), rows[-1])
+        if not solution.converged:
+            stopped = (f"Natural continuation stopped between {100 * before:.4g} % and "
+                       f"{100 * value:.4g} %; `follow` tells whether the branch turns there.")
+            break
+        rows.append(solution.y)
+        left.append(float(np.abs(solution.residual).max() * eq.force))
+    along = path(model, "static_eccentricity", method, speed, values[0], direction)
+    branch = _balanced(Branch(along, np.array(values[:len(rows)]), np.array(rows), np.array(left),
+                              (), stopped, method))
+    touching = np.flatnonzero(branch.smallest_gaps <= 0)
+    if not len(touching):
+        return branch
+    at = along.say(branch.values[touching[0]])
+    return _cut(branch, touching[0], f"The rotor touches the stator at {at}.")
+
+
+def _cut(branch: Branch, rows: int, stopped: str) -> Branch:
+    """The first rows of a branch."""
+    return replace(branch, values=branch.values[:rows], unknowns=branch.unknowns[:rows],
+                   residuals=branch.residuals[:rows], stopped=stopped, closed=False,
+                   special_points=tuple(p for p in branch.special_points if p.after < rows - 1))
+
+
+def _balanced(branch: Branch) -> Branch:
+    """The branch up to the first point where the forces do not balance; the first is a solution."""
+    problem = branch.path.at(branch.values[0])
+    least = problem.equations.small(branch.unknowns[0], problem.centre)
+    for k in map(int, np.flatnonzero(branch.residuals > least)):
+        problem = branch.path.at(branch.values[k])
+        try:
+            problem.equations.require_balance(branch.unknowns[k], problem.centre,
+                                              branch.residuals[k])
+        except NoConvergence as error:
+            return _cut(branch, max(k, 1), str(error))
+    return branch
+
+
+# ------------------------------------------------------------------ arclength continuation
 
 @dataclass(frozen=True)
 class Arclength:
     """How a branch is followed: harmonic balance, step sizes (scaled by the gap), and when to stop.
 
-    max_folds: stop after this many folds and a tail of `tail` points. smallest_gap: stop when less
-    than this fraction of the nominal gap is left. past_start: go on past the start value, to find a
-    branch that closes.
+    step, max_step: first and longest step. max_turn: of the tangent in a step, rad. max_points: in
+    all. max_folds: stop after this many folds and a tail of `tail` points. smallest_gap: stop when
+    less than this fraction of the nominal gap is left. past_start: go on past the start value, to
+    find a branch that closes.
     """
 
     balance: HarmonicBalance = field(default_factory=HarmonicBalance)
@@ -236,8 +322,7 @@ class Arclength:
     past_start: bool = False
 
     def __post_init__(self) -> None:
-        if not isinstance(self.balance, HarmonicBalance):
-            raise BadInput(f"balance is {self.balance!r}; it must be a HarmonicBalance.")
+        require("balance", self.balance, HarmonicBalance)
         for key in ("step", "max_step", "max_turn"):
             if number(key, getattr(self, key), above=0) > 1:
                 raise BadInput(f"{key} is {getattr(self, key):g}; at most 1 is allowed, "
@@ -250,107 +335,67 @@ class Arclength:
                            "from 0 to below 1.")
 
 
-def sweep(model: Model, method: HarmonicBalance, static_eccentricities: Iterable[float], *,
-          speed: float,
-          direction: float = math.pi / 2) -> Branch:
-    """Natural continuation (Villa et al., section 5): each steady state starts from the last one.
-
-    Ends with the first eccentricity at which the solver stops or the rotor touches; `stopped` says
-    so in words. Raises NoConvergence or Contact if there is not even the first.
-    """
-    values = [float(v) for v in static_eccentricities]
-    if not values:
-        raise BadInput("static_eccentricities is empty; give at least one fraction of the gap.")
-    orbit = method.solve(model, speed, values[0], direction=direction)
-    eq, done, rows, left = orbit.equations, values[:1], [orbit.local.ravel()
-                                                         / orbit.equations.length], [
-        orbit.residual]
-    stopped = f"It ends as asked at {100 * values[-1]:.4g} %."
-    for value in values[1:]:
-        guess = rows[-1]
-        solution = method.from_guess(eq, model.centre(value, direction), guess)
-        if not solution.converged:
-            stopped = (f"Natural continuation stopped between {100 * done[-1]:.4g} % and "
-                       f"{100 * value:.4g} %; "
-                       "`follow` tells whether the branch turns there.")
-            break
-        done.append(value)
-        rows.append(solution.y)
-        left.append(float(np.abs(solution.residual).max() * eq.force))
-    along = path(model, "static_eccentricity", method, speed, done[0], direction)
-    branch = Branch(along, np.array(done), np.array(rows), np.array(left), (), stopped, method)
-    touching = np.flatnonzero(branch.smallest_gaps <= 0)
-    if len(touching):
-        clear = touching[0]
-        branch = Branch(along, branch.values[:clear], branch.unknowns[:clear],
-                        branch.residuals[:clear],
-                        (), f"The rotor touches the stator at {100 * done[clear]:.4g} %.", method)
-    return branch
-
-
 def follow(model: Model, parameter: str = "static_eccentricity", *, to: float | None = None,
-           speed: float,
-           static_eccentricity: float = 0.0, direction: float = math.pi / 2,
-           start: PeriodicOrbit | None = None,
-           method: Arclength | None = None) -> Branch:
+           speed: float, static_eccentricity: float = 0.0, direction: float = math.pi / 2,
+           start: PeriodicOrbit | None = None, method: Arclength | None = None) -> Branch:
     """Follow the steady states along a parameter, past folds, in the direction of `to`.
 
     parameter: "static_eccentricity" (fraction of the gap), "direction" (gap angle of the offset,
-    rad), "speed" (rad/s), "field" or "unbalance" (factors on the machine's own),
-    "bearings.<name>.stiffness" (N/m). The branch begins at the given speed (rad/s), static
-    eccentricity and direction and at the machine's own field, unbalance and bearings, or on
+    rad), "speed" (rad/s), "field" or "unbalance" (factors on the machine's own), or the key of any
+    number on the machine's card, "bearings.<name>.stiffness" (SI units). The branch begins at the
+    given speed (rad/s), static eccentricity and direction and at the machine's own numbers, or on
     `start`, an orbit there. Ends on `to` (half the gap if none is given for the eccentricity), at
     contact, back at the start value, after `max_folds` folds and a short tail, or after
-    `max_points`; `branch.stopped` says which. Raises BadInput, or NoConvergence where there is no
-    first steady state.
+    `max_points`; `branch.stopped` says which. Steps shorten near the resonances of the linear
+    machine, so that none is stepped over. Raises BadInput, or NoConvergence where there is no first
+    steady state.
     """
-    method = method or Arclength()
-    if not isinstance(method, Arclength):
-        raise BadInput(f"method is a {type(method).__name__}; it must be an Arclength, which takes "
-                       "a HarmonicBalance.")
+    method = Arclength() if method is None else method
+    require("method", method, Arclength)
+    balance = method.balance
     if start is not None:
-        static_eccentricity, direction = start.static_eccentricity, _direction_of(start, direction)
-    along = path(model, parameter, method.balance, speed, static_eccentricity, direction)
-    if to is None and parameter != "static_eccentricity":
-        raise BadInput(f"to is missing; say up to which value {parameter} is to be followed, from "
-                       f"{along.say(along.first)}.")
-    to = 0.5 if to is None else to
-    number("to", to, unit="" if along.unit == "%" else along.unit)
+        require("start", start, PeriodicOrbit)
+        if (start.harmonics, start.revolutions) != (balance.harmonics, balance.revolutions):
+            raise BadInput(f"start has {start.harmonics} harmonics, the method "
+                           f"{balance.harmonics} (in a period of {start.revolutions} and "
+                           f"{balance.revolutions} revolutions); they must be the same.")
+        if start.static_eccentricity:
+            direction = math.atan2(*(start.centre / start.static_eccentricity))
+        static_eccentricity = start.static_eccentricity
+    along = path(model, parameter, balance, speed, static_eccentricity, direction)
+    to = _end(along, to)
+    origin = start or balance.solve(model, speed, static_eccentricity, direction=direction)
+    return _balanced(_walk(along, origin, to, method))
+
+
+def _end(along: Path, to: float | None) -> float:
+    """The value up to which a path is followed, or a sentence why it cannot be."""
+    if to is None and along.parameter != "static_eccentricity":
+        raise BadInput(f"to is missing; say up to which value {along.parameter} is to be followed, "
+                       f"from {along.say(along.first)}.")
+    to = 0.5 if to is None else number("to", to, unit="" if along.unit == "%" else along.unit)
     if along.unit == "%" and abs(to) >= 1:
         raise BadInput(f"to is {to!r}; it is a fraction of the gap, between -1 and 1 (12 % is "
                        "0.12).")
     if to == along.first:
         raise BadInput(f"to is {to:g}, where the branch starts; give another end.")
-    origin = start or method.balance.solve(model, speed, static_eccentricity, direction=direction)
-    if (origin.harmonics, origin.revolutions) != (method.balance.harmonics,
-                                                  method.balance.revolutions):
-        raise BadInput(f"start has {origin.harmonics} harmonics, the method "
-                       f"{method.balance.harmonics} (in a period of "
-                       f"{origin.revolutions} and {method.balance.revolutions} revolutions); they "
-                       "must be the same.")
-    return _walk(along, origin, to, method)
-
-
-def _direction_of(start: PeriodicOrbit, direction: float) -> float:
-    """Gap angle of the stator's offset of an orbit; the given one where it has none."""
-    return math.atan2(*(start.centre
-                        / start.static_eccentricity)) if start.static_eccentricity else direction
+    return to
 
 
 def _walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength) -> Branch:
     """Take steps until one of the reasons to stop."""
-    system, model = along.system(), origin.model
+    system, eq = along.system(), origin.equations
     forward = math.copysign(1.0, to - along.first)
     steps: list[Step] = []
-    special: list[SpecialPoint] = []
-    left, stopped, closed = method.tail, "", False
-    # A circular gap's pull is not a number outside it, so no point that was found can touch at the
-    # AFT samples.
-    watched = method.smallest_gap > 0 or type(model.law) is not CircularPull
-    for point in arclength(system, origin.local.ravel() / origin.equations.length,
-                           along.first / along.scale,
-                           toward=forward, step=method.step, max_step=method.max_step,
-                           max_turn=method.max_turn):
+    folds: list[SpecialPoint] = []
+    past, stopped, closed = 0, "", False  # past: points after the last fold asked for
+    y = origin.local.ravel() / eq.length
+    # a motion that is small in its gap is to be known as well as any other
+    small = min(1.0, max(100 * float(np.abs(y).max()), 1e-5))
+    for point in arclength(system, y, along.first / along.scale, toward=forward, step=method.step,
+                           max_step=method.max_step, max_turn=method.max_turn,
+                           tolerance=1e-10 * small, longest=foresight(along)):
+        # a fold between this point and the last?
         fold = None
         if steps and point.tangent[-1] * steps[-1].tangent[-1] < 0:
             fold = locate_fold(system, steps[-1], point)
@@ -360,45 +405,59 @@ def _walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength) -> B
             point, fold = landed, None  # a fold in this step lies beyond `to`
         if fold:
             value = fold.parameter * along.scale
-            special.append(SpecialPoint("fold", value, len(steps) - 1, fold.y, along.say(value, 8)))
+            folds.append(SpecialPoint("fold", value, len(steps) - 1, fold.y, along.say(value, 8)))
         steps.append(point)
-        value = point.parameter * along.scale
-        gap = _smallest_gap(along, point.y, value) / model.length_scale if watched else math.inf
+        past += len(folds) >= method.max_folds
+        # the end?
         closed = len(steps) > 3 and _comes_back(steps)
-        if gap <= method.smallest_gap:
-            stopped = (f"The smallest gap is down to {100 * gap:.3g} % of the nominal one at "
-                       f"{along.say(value)}."
-                       if gap > 0 else f"The rotor touches the stator at {along.say(value)}.")
-        elif closed:
-            stopped = f"It is closed: it came back to the steady state at {along.say(along.first)} where it began."
-        elif reached:
-            stopped = f"It reached {along.say(to)} as asked."
-        elif not method.past_start and len(steps) > 2 and forward * (value - along.first) <= 0:
-            stopped = f"It came back to {along.say(along.first)}, where it began."
-        elif len(steps) >= method.max_points:
-            stopped = f"It has the {method.max_points} points that were allowed."
-        elif len(special) >= method.max_folds and (left := left - 1) < 0:
-            stopped = f"It passed {len(special)} folds, as many as were asked for."
-        else:
-            continue
-        break
+        stopped = _reason(along, steps, to, method, closed, reached)
+        if not stopped and past > method.tail:
+            stopped = f"It passed {len(folds)} folds, as many as were asked for."
+        if stopped:
+            break
     if not steps:
         raise NoConvergence(f"No branch begins at the given start, {along.say(along.first)}: it is "
-                            "no steady state of "
-                            f"{model.name} at {origin.speed:.4g} rad/s. Solve for one with "
-                            "HarmonicBalance.")
+                            f"no steady state of {origin.model.name} at {origin.speed:.4g} rad/s. "
+                            "Solve for one with HarmonicBalance.")
     values = np.array([s.parameter for s in steps]) * along.scale
-    stopped = stopped or f"No further point was found near {along.say(values[-1])}, down to the smallest step."
-    residuals = np.array([s.residual for s in steps]) * origin.equations.force
-    return Branch(along, values, np.array([s.y for s in steps]), residuals, tuple(special),
-                  stopped, method, closed)
+    stopped = stopped or (f"No further point was found near {along.say(values[-1])}, down to the "
+                          "smallest step.")
+    return Branch(along, values, np.array([s.y for s in steps]),
+                  np.array([s.residual for s in steps]) * eq.force, tuple(folds), stopped, method,
+                  closed)
 
 
-def _smallest_gap(along: Path, y: NDArray, value: float) -> float:
-    """Smallest gap of an orbit over the AFT samples, m."""
+def _reason(along: Path, steps: list[Step], to: float, method: Arclength, closed: bool,
+            reached: bool) -> str:
+    """Why a branch ends with the last of these points, or "" where it goes on."""
+    value, first = steps[-1].parameter * along.scale, along.first
+    gap = _room(along, steps[-1].y, value, method)
+    if gap <= 0:
+        return f"The rotor touches the stator at {along.say(value)}."
+    if gap <= method.smallest_gap:
+        return (f"The smallest gap is down to {100 * gap:.3g} % of the nominal one at "
+                f"{along.say(value)}.")
+    if closed:
+        return f"It is closed: it came back to the steady state at {along.say(first)} where it began."
+    if reached:
+        return f"It reached {along.say(to)} as asked."
+    turned = math.copysign(1.0, to - first) * (value - first) <= 0
+    if turned and len(steps) > 2 and not method.past_start:
+        return f"It came back to {along.say(first)}, where it began."
+    if len(steps) >= method.max_points:
+        return f"It has the {method.max_points} points that were allowed."
+    return ""
+
+
+def _room(along: Path, y: NDArray, value: float, method: Arclength) -> float:
+    """Smallest gap at the AFT samples over the nominal one; inf where it cannot be the end."""
     problem = along.at(value)
     eq = problem.equations
-    return float(np.min(eq.model.law.smallest_gap(eq.position(y, problem.centre), eq.phase)))
+    # the pull of a round gap is no number outside it, so no point that was found can touch
+    if not method.smallest_gap and type(eq.model.law) is CircularPull:
+        return math.inf
+    gaps = eq.model.law.smallest_gap(eq.position(y, problem.centre), eq.phase)
+    return float(np.min(gaps)) / eq.model.length_scale
 
 
 def _comes_back(steps: list[Step]) -> bool:
@@ -406,18 +465,16 @@ def _comes_back(steps: list[Step]) -> bool:
     it.
     """
     first, before, last = steps[0], steps[-2], steps[-1]
-    along = [first.tangent[:-1] @ (s.y - first.y) + first.tangent[-1]
-             * (s.parameter - first.parameter)
-             for s in (before, last)]
-    if not along[0] < 0 <= along[1]:
+    behind, ahead = (first.tangent[:-1] @ (s.y - first.y)
+                     + first.tangent[-1] * (s.parameter - first.parameter) for s in (before, last))
+    if not behind < 0 <= ahead:
         return False
-    start = np.append(first.y, first.parameter)
-    a = np.append(before.y, before.parameter) - start
-    b = np.append(last.y, last.parameter) - start
-    share = along[0] / (along[0] - along[1])
+    start, a, b = (np.append(s.y, s.parameter) for s in (first, before, last))
+    share = behind / (behind - ahead)
     # The chord misses the curve by about its square; half the step is far below the distance to
     # another leg.
-    return bool(np.linalg.norm(a + share * (b - a)) < max(CLOSED, 0.1 * np.linalg.norm(b - a)))
+    away = np.linalg.norm(a + share * (b - a) - start)
+    return bool(away < max(CLOSED, 0.1 * np.linalg.norm(b - a)))
 
 
 def orbits_at(branch: Branch, value: float) -> list[PeriodicOrbit]:
@@ -425,17 +482,18 @@ def orbits_at(branch: Branch, value: float) -> list[PeriodicOrbit]:
     leg that passes it.
 
     Each starts from the straight line between the two neighbouring points and is solved to the full
-    accuracy.
+    accuracy. Raises BadInput for what is no branch or no value of its parameter.
     """
-    problem = branch.path.at(value)
+    require("branch", branch, Branch)
+    problem = branch.path.at(number("value", value, unit=branch.path.unit.removeprefix("%")))
     eq, centre = problem.equations, problem.centre
     # With the folds put in, no leg is missed between the last point before a fold and the fold
     # itself.
-    after = [fold.after + 1 for fold in branch.folds]
-    values = np.insert(branch.values, after, [fold.value for fold in branch.folds])
-    unknowns = np.insert(branch.unknowns, after, [fold.unknowns for fold in branch.folds],
-                         axis=0) if after else (
-        branch.unknowns)
+    values, unknowns = branch.values, branch.unknowns
+    if branch.folds:
+        after = [fold.after + 1 for fold in branch.folds]
+        values = np.insert(values, after, [fold.value for fold in branch.folds])
+        unknowns = np.insert(unknowns, after, [fold.unknowns for fold in branch.folds], axis=0)
     away = values - value
     found = []
     for i in np.flatnonzero((away[:-1] * away[1:] < 0) | (away[:-1] == 0)):
@@ -443,8 +501,9 @@ def orbits_at(branch: Branch, value: float) -> list[PeriodicOrbit]:
         solution = newton(lambda y: eq.linearise(y, centre),
                           (1 - share) * unknowns[i] + share * unknowns[i + 1])
         if solution.converged:
-            found.append(branch.orbit(value, solution.y,
-                                      float(np.abs(solution.residual).max() * eq.force)))
+            residual = float(np.abs(solution.residual).max() * eq.force)
+            eq.require_balance(solution.y, centre, residual)
+            found.append(branch.orbit(value, solution.y, residual))
     if away[-1] == 0:
         found.append(branch[-1])
     return found

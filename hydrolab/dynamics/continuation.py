@@ -1,7 +1,9 @@
 """Pseudo-arclength continuation of any smooth curve of solutions, past its folds.
 
 It knows only a system (y, λ) → (residual, ∂/∂y, ∂/∂λ), so it follows a circle as readily as a
-rotor. After Keller (1977) and Seydel (2010).
+rotor. ∂/∂λ may be a function without arguments that gives it: one that is dear is then asked for
+where a step begins and where it ends, since it hardly changes between. After Keller (1977) and
+Seydel (2010).
 """
 
 from __future__ import annotations
@@ -17,7 +19,8 @@ from scipy.optimize import brentq
 
 from hydrolab.errors import NoConvergence
 
-ParametrisedSystem = Callable[[NDArray, float], tuple[NDArray, NDArray, NDArray]]
+ParametrisedSystem = Callable[[NDArray, float],
+                              tuple[NDArray, NDArray, NDArray | Callable[[], NDArray]]]
 
 
 @dataclass(frozen=True)
@@ -34,9 +37,9 @@ class Step:
 
 
 def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance: float = 1e-10,
-            max_steps: int = 8) -> Step | None:
+            max_steps: int = 8, guess: NDArray | None = None) -> Step | None:
     """Return to the curve within the plane through z normal to the tangent; None if Newton does not
-    settle.
+    settle. It begins at z, or at a better guess.
 
     One bordered solve with two right-hand sides gives the Newton step and the tangent at the same
     time; the new tangent points the way of the old one.
@@ -46,12 +49,16 @@ def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance:
     bordered[n] = tangent
     right = np.zeros((n + 1, 2), order="F")
     right[n, 1] = 1
-    z0, z = z, z.copy()
+    z0, z = z, (z if guess is None else guess).copy()
     for iterations in range(1, max_steps + 1):
-        r, bordered[:n, :n], bordered[:n, n] = system(z[:n], z[n])
+        r, bordered[:n, :n], slope = system(z[:n], z[n])
         size = math.sqrt(r @ r)
         if not math.isfinite(size):
             return None
+        if not callable(slope):
+            bordered[:n, n] = slope
+        elif iterations == 1 or size < tolerance:  # for the steps, and for the tangent
+            bordered[:n, n] = slope()
         right[:n, 0] = r
         right[n, 0] = tangent @ (z - z0)
         *_, answer, singular = dgesv(bordered, right)
@@ -61,39 +68,48 @@ def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance:
         # the last step is taken without looking back: the bordered matrix is regular at folds
         if size < tolerance:
             new = answer[:, 1]
-            return Step(z[:n], float(z[n]), new / math.sqrt(new @ new), size, iterations)
+            long = math.sqrt(new @ new)
+            if not math.isfinite(long):
+                return None
+            return Step(z[:n], float(z[n]), new / long, size, iterations)
     return None
 
 
 def arclength(system: ParametrisedSystem, y: NDArray, parameter: float, *, toward: float = 1.0,
-              step: float = 0.01,
-              max_step: float = 0.05, min_step: float = 1e-7,
-              max_turn: float = 0.15) -> Iterator[Step]:
+              step: float = 0.01, max_step: float = 0.05, min_step: float = 1e-7,
+              max_turn: float = 0.15, tolerance: float = 1e-10,
+              longest: Callable[[Step], float] | None = None) -> Iterator[Step]:
     """Walk along the curve from a point on it, yielding one `Step` after another, for ever.
 
     toward: sign of the first change of the parameter. step: first step along the curve, in the
-    scaled norm of (y, λ). max_turn: the tangent turns less than this (rad) in a step. Ends where no
-    step down to `min_step` succeeds.
+    scaled norm of (y, λ). max_turn: the tangent turns less than this (rad) in a step. tolerance: of
+    the residual. longest: the longest step from a point, for a curve that has more to see than its
+    turns. Ends where no step down to `min_step` succeeds.
     """
     z = np.append(y, parameter)
     along = np.zeros(len(z))
     along[-1] = 1.0
-    first = correct(system, z, along)
+    first = correct(system, z, along, tolerance)
     if first is None:
         return
     tangent = first.tangent * math.copysign(1.0, toward * first.tangent[-1])
-    here = replace(first, tangent=tangent)
+    here, bend = replace(first, tangent=tangent), 0 * tangent
     yield here
+    step = min(step, longest(here)) if longest else step
     while step >= min_step:
-        z = np.append(here.y, here.parameter)
-        new = correct(system, z + step * here.tangent, here.tangent)
+        z = np.append(here.y, here.parameter) + step * here.tangent
+        new = correct(system, z, here.tangent, tolerance, guess=z + step**2 / 2 * bend)
         turn = math.inf if new is None else math.acos(min(1.0, float(new.tangent @ here.tangent)))
         if new is None or turn > 2 * max_turn:
             step /= 2
             continue
+        # how the curve bends, seen from the new point, for the guess of the next
+        bend = (new.tangent - here.tangent) / step
+        bend -= (bend @ new.tangent) * new.tangent
         step = min(max_step, step * min(2.0, max(0.5, 0.8 * max_turn / max(turn, 1e-9))))
         here = new
         yield here
+        step = min(step, longest(here)) if longest else step
 
 
 def land(system: ParametrisedSystem, before: Step, after: Step, parameter: float) -> Step | None:

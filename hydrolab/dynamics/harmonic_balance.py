@@ -3,21 +3,22 @@
 For each harmonic k the linear machine answers a force f̂_k on the nonlinear coordinates u = S q by
 u_k = u_lin,k + S Z_k⁻¹ Sᵀ f̂_k with Z_k = K − (kΩ)² M + ikΩ (C + ΩG), Eq. (16) in complex form. The
 inverse of that small compliance, D_k, is the dynamic stiffness of the whole machine as the
-generator feels it, so H(Y) = Λ (Y − Y_lin) − Z(Y), Eq. (19), has c(2m + 1) unknowns at any number
-of elements, where c is the number of nonlinear coordinates: 2 where the pull is the only force that
-is not linear.
+generator feels it; the D_k of all harmonics are the matrix Λ of Eq. (17). What is left,
 
-Coefficients are stored per coordinate as [mean, sin 1, cos 1, sin 2, cos 2, …], shape (c, 2m + 1).
-Where the period is that of q revolutions, harmonic k turns with kΩ/q and the unbalance is in
-harmonic q.
+    H(Y) = Λ (Y − Y_lin) − Z(Y),                                                       Eq. (19)
 
-The harmonic balance method: one steady state, and natural continuation as the paper does it.
+has c(2m + 1) unknowns at any number of elements, where c is the number of nonlinear coordinates: 2
+where the pull is the only force that is not linear. Z(Y) are the harmonics, Eq. (18), of the forces
+along the motion, by alternating frequency and time (Cameron and Griffin 1989).
+
+Coefficients are those of `hydrolab.dynamics.harmonics`, shape (c, 2m + 1). Where the period is that
+of q revolutions, harmonic k turns with kΩ/q and the unbalance is in harmonic q.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -26,7 +27,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import zgecon, zgesv
 
 from hydrolab.dynamics.harmonics import fourier_rows, from_complex, rate_rows
-from hydrolab.dynamics.results import PeriodicOrbit
+from hydrolab.dynamics.results import PeriodicOrbit, require
 from hydrolab.dynamics.solvers import Solution, newton
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
@@ -34,6 +35,7 @@ from hydrolab.machine.quantities import number, require_model, turning, whole
 
 # reciprocal condition number below which a dynamic stiffness has no inverse to speak of
 SINGULAR = 1e-15
+BALANCED = 1e-6  # of the forces on an orbit: the largest residual that is called a balance
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,30 +77,59 @@ class Condensed:
         position[:2] -= centre[:, None]
         return position
 
-    def velocity(self, y: NDArray) -> NDArray:
-        """Samples of their velocity, m/s, (c, N)."""
+    def velocity(self, y: NDArray) -> NDArray | None:
+        """Samples of their velocity, m/s, (c, N); None where no law asks for it."""
+        if not self.model.law.moving:
+            return None
         return y.reshape(len(self.linear), -1) @ self.rate
+
+    def forces(self, y: NDArray, centre: NDArray) -> NDArray:
+        """Samples of the forces on the nonlinear coordinates, N, (c, N)."""
+        return self.model.law.force(self.position(y, centre), self.velocity(y), self.phase,
+                                    self.speed)
+
+    def balance(self, y: NDArray, forces: NDArray) -> NDArray:
+        """Λ (Y − Y_lin) − Z of given samples of the forces, scaled, (cK,)."""
+        return self.stiffness @ (y - self.linear.ravel()) - (forces @ self.analysis).ravel()
 
     def residual(self, y: NDArray, centre: NDArray) -> NDArray:
         """H(Y) of Eq. (19), scaled; centre: stator centre, m."""
-        position, law = self.position(y, centre), self.model.law
-        velocity = self.velocity(y) if law.moving else None
-        force = law.force(position, velocity, self.phase, self.speed)
-        return self.stiffness @ (y - self.linear.ravel()) - (force @ self.analysis).ravel()
+        return self.balance(y, self.forces(y, centre))
 
     def linearise(self, y: NDArray, centre: NDArray) -> tuple[NDArray, NDArray]:
-        """H(Y) and its exact Jacobian by alternating frequency and time (Cameron and Griffin 1989).
-        """
-        position, law = self.position(y, centre), self.model.law
+        """H(Y) and its exact Jacobian Λ − ∂Z/∂Y, both scaled."""
+        position = self.position(y, centre)
+        forces, slope, damping = self.model.law.linearise(position, self.velocity(y), self.phase,
+                                                          self.speed)
+        # ∂Z/∂Y: the slopes along the motion, weighted with every pair of harmonics at once
         c, columns, samples = len(position), *self.synthesis.shape
-        velocity = self.velocity(y) if law.moving else None
-        force, slope, damping = law.linearise(position, velocity, self.phase, self.speed)
         pull = slope.reshape(c * c, samples) @ self.products
         if damping is not None:
             pull += damping.reshape(c * c, samples) @ self.rate_products
-        residual = self.stiffness @ (y - self.linear.ravel()) - (force @ self.analysis).ravel()
         pull = pull.reshape(c, c, columns, columns).transpose(0, 2, 1, 3)
-        return residual, self.stiffness - pull.reshape(c * columns, c * columns)
+        return (self.balance(y, forces),
+                self.stiffness - pull.reshape(c * columns, c * columns))
+
+    def small(self, y: NDArray, centre: NDArray) -> float:
+        """A residual, N, that is small against the forces on a motion."""
+        laws = self.force * np.abs(self.forces(y, centre) @ self.analysis).max()
+        shaking = np.hypot(self.model.unbalance_sin, self.model.unbalance_cos).max()
+        return BALANCED * float(max(laws, self.speed**2 * shaking))
+
+    def require_balance(self, y: NDArray, centre: NDArray, residual: float) -> None:
+        """Raise NoConvergence where what is left over is not small against the forces on a motion.
+
+        residual: N, an upper bound; where it is not small, the residual is computed.
+        """
+        small = self.small(y, centre)
+        if residual > small:
+            residual = self.force * float(np.abs(self.residual(y, centre)).max())
+        if not residual <= small:
+            raise NoConvergence(
+                f"The forces of {self.model.name} do not balance: {residual:.1e} N are left over, "
+                f"and the largest of them is {small / BALANCED:.1e} N. Its stiffnesses are too far "
+                "apart for a computer's numbers; look for a part that is nearly rigid, or for two "
+                "parts on one place.")
 
 
 def dynamic_stiffness(model: Model, w: float, speed: float) -> NDArray:
@@ -121,78 +152,68 @@ def in_sines(stiffness: NDArray) -> NDArray:
     return real.reshape(count * columns, count * columns)
 
 
+def respond(model: Model, speed: float, order: float, loads: NDArray) -> NDArray:
+    """Z⁻¹ times complex loads, (n, …), at `order` times the speed.
+
+    Raises BadInput where the machine can move freely or the speed is an undamped resonance.
+    """
+    dynamic = dynamic_stiffness(model, order * speed, speed)
+    factors, _, answer, singular = zgesv(dynamic, loads)
+    if singular or not zgecon(factors, np.abs(dynamic).sum(axis=0).max())[0] > SINGULAR:
+        raise BadInput(f"{model.name} at {speed:g} rad/s has no finite response in harmonic "
+                       f"{order:g}: "
+                       + ("an undamped resonance; add damping or change the speed." if order else
+                          "it can move freely, so give it bearings."))
+    return answer
+
+
 @lru_cache(maxsize=64)
-def condense(model: Model, speed: float, harmonics: int, samples: int,
-             revolutions: int = 1) -> Condensed:
+def condense(model: Model, speed: float, harmonics: int, samples: int, revolutions: int = 1,
+             length: float | None = None) -> Condensed:
     """Eliminate the linear DOFs of a model at one speed; cached, since a branch asks again and
     again.
 
-    revolutions: in the period that the harmonics share.
-
+    speed: rad/s. harmonics: m. samples: in a period. revolutions: in the period that the harmonics
+    share. length: that scales the unknowns, m; the model's own unless given.
     Raises BadInput where the machine can move freely (no static stiffness) or the speed is a
     resonance without damping.
     """
-    n, c, length = model.size, len(model.selection), model.length_scale
+    n, c, length = model.size, len(model.selection), length or model.length_scale
     amplitudes = np.zeros((harmonics + 1, n), dtype=complex)
     recovery = np.empty((harmonics + 1, n, c), dtype=complex)
     stiffness = np.empty((harmonics + 1, c, c), dtype=complex)
     for k in range(harmonics + 1):
-        dynamic = dynamic_stiffness(model, k * speed / revolutions, speed)
+        # unit forces on the nonlinear coordinates, and beside them the unbalance
         loads = np.zeros((n, c + 1), dtype=complex)
         loads[:, :c] = model.selection.T
         if k == revolutions:
             loads[:, c] = speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin)
-        factors, _, answer, singular = zgesv(dynamic, loads)
-        if singular or not zgecon(factors, np.abs(dynamic).sum(axis=0).max())[0] > SINGULAR:
-            raise BadInput(f"{model.name} at {speed:g} rad/s has no finite response in harmonic "
-                           f"{k / revolutions:g}: "
-                           + ("it can move freely, so give it bearings." if k == 0 else
-                              "an undamped resonance; add damping or change the speed."))
+        answer = respond(model, speed, k / revolutions, loads)
         stiffness[k] = np.linalg.inv(model.selection @ answer[:, :c])
         recovery[k] = answer[:, :c] @ stiffness[k]
         amplitudes[k] = answer[:, c]
 
-    columns = 2 * harmonics + 1
+    # between harmonics and samples in time; unknowns and residuals are scaled to be of order one
     turn = 2 * np.pi * np.arange(samples) / samples
     rows = fourier_rows(harmonics, turn)
-    weights = np.full(columns, 2 / samples)
-    weights[0] = 1 / samples
     force = length * float(np.abs(stiffness[0]).max())
-    analysis = (weights[:, None] * rows).T / force
-    synthesis = length * rows
-    rate = length * speed / revolutions * rate_rows(harmonics, turn)
+    weights = np.full((2 * harmonics + 1, 1), 2 / samples)
+    weights[0] = 1 / samples
+    analysis = (weights * rows).T / force
+    synthesis, rate = length * rows, length * speed / revolutions * rate_rows(harmonics, turn)
+
+    def products(rows: NDArray) -> NDArray:
+        return np.einsum("nk,ln->nkl", analysis, rows).reshape(samples, -1)
+
     return Condensed(
         model, speed, harmonics, samples, length, force,
         stiffness=in_sines(stiffness) * (length / force),
         linear=from_complex((amplitudes @ model.selection.T).T) / length,
-        synthesis=synthesis, analysis=analysis,
-        products=np.einsum("nk,ln->nkl", analysis, synthesis).reshape(samples, -1),
+        synthesis=synthesis, analysis=analysis, products=products(synthesis),
         phase=revolutions * turn, rate=rate,
-        rate_products=np.einsum("nk,ln->nkl", analysis,
-                                rate if model.law.moving else rate[:0]).reshape(samples, -1),
+        rate_products=products(rate if model.law.moving else rate[:0]),
         recovery=recovery, shaft_linear=amplitudes, revolutions=revolutions,
     )
-
-
-def condensed_slope(eq: Condensed, dynamic: Sequence[NDArray],
-                    load: NDArray) -> tuple[NDArray, NDArray]:
-    """Derivatives of `stiffness` and `linear` when each Z_k changes by `dynamic[k]` and the 1X load
-    by `load`.
-
-    From D = (S Z⁻¹ Sᵀ)⁻¹ follows D' = (D S Z⁻¹) Z' (Z⁻¹ Sᵀ D), and from Z q = F, q' = Z⁻¹ (F' − Z'
-    q). dynamic: one complex (n, n) matrix for each harmonic 0 … m. load: complex, (n,).
-    """
-    model, speed, c = eq.model, eq.speed, len(eq.linear)
-    stiffness = np.empty((eq.harmonics + 1, c, c), dtype=complex)
-    linear = np.zeros((eq.harmonics + 1, c), dtype=complex)
-    for k in range(eq.harmonics + 1):
-        dynamic_k = dynamic_stiffness(model, k * speed / eq.revolutions, speed)
-        answer = np.linalg.solve(dynamic_k.T, model.selection.T.astype(complex)).T
-        stiffness[k] = np.linalg.inv(answer
-                                     @ model.selection.T) @ answer @ dynamic[k] @ eq.recovery[k]
-        if k == eq.revolutions:
-            linear[k] = answer @ (load - dynamic[k] @ eq.shaft_linear[k])
-    return in_sines(stiffness) * (eq.length / eq.force), from_complex(linear.T) / eq.length
 
 
 @dataclass(frozen=True)
@@ -227,10 +248,13 @@ class HarmonicBalance:
         """Time samples in a period: as given, or 16 a harmonic and at least 64."""
         return max(64, 16 * int(self.harmonics)) if self.samples is None else self.samples
 
-    def equations(self, model: Model, speed: float) -> Condensed:
-        """The condensed equations of a model at a speed (rad/s)."""
+    def equations(self, model: Model, speed: float, length: float | None = None) -> Condensed:
+        """The condensed equations of a model at a speed (rad/s), unknowns scaled by `length` (m),
+        by default the model's own.
+        """
         require_model(model)
-        return condense(model, turning(speed), self.harmonics, self.aft_samples, self.revolutions)
+        return condense(model, turning(speed), self.harmonics, self.aft_samples, self.revolutions,
+                        length)
 
     def solve(self, model: Model, speed: float, static_eccentricity: float = 0.0, *,
               direction: float = math.pi / 2, start: PeriodicOrbit | None = None) -> PeriodicOrbit:
@@ -239,11 +263,11 @@ class HarmonicBalance:
         direction: gap angle of the stator offset, rad. start: a steady state to begin from; without
         one the linear response is tried, then a walk from zero eccentricity. Raises NoConvergence
         with what to try next, Contact where the steady state found would touch the stator, BadInput
-        for arguments outside what is allowed.
+        for arguments outside what is allowed, among them a start with other coordinates.
         """
         eq = self.equations(model, speed)
         number("static_eccentricity", static_eccentricity)
-        centre = model.centre(static_eccentricity, direction)
+        centre = model.centre(static_eccentricity, number("direction", direction))
         if start is not None:
             solution = self.from_guess(eq, centre, first_guess(eq, start))
         else:
@@ -262,30 +286,29 @@ class HarmonicBalance:
 
     def _walk(self, eq: Condensed, centre: NDArray, steps: int = 20) -> Solution:
         """Reach a steady state by raising the pull to its full strength, then the offset."""
+        shares = np.linspace(0, 1, steps + 1)[1:]
+        # the linear machine does not change with the field
+        stages = [(replace(eq, model=eq.model.with_field(s)), 0 * centre) for s in shares]
+        stages += [(eq, s * centre) for s in shares]
         y = eq.linear.ravel()
-        for ratio in np.linspace(0, 1, steps + 1)[1:]:
-            # the linear machine does not change
-            weak = replace(eq, model=eq.model.with_field(ratio))
-            solution = self.from_guess(weak, 0 * centre, y)
+        for stage, place in stages:
+            solution = self.from_guess(stage, place, y)
             if not solution.converged:
-                return solution
+                break
             y = solution.y
-        for ratio in np.linspace(0, 1, steps + 1)[1:]:
-            solution = self.from_guess(eq, ratio * centre, solution.y)
-            if not solution.converged:
-                return solution
         return solution
 
     def _advice(self, eq: Condensed, solution: Solution, eccentricity: float) -> str:
         smallest = solution.smallest_singular_value
-        where = f"at {100 * eccentricity:.4g} %" if math.isfinite(eq.model.gap) else f"at {eq.speed:.4g} rad/s"
+        where = (f"{100 * eccentricity:.4g} %" if math.isfinite(eq.model.gap) else
+                 f"{eq.speed:.4g} rad/s")
         left = np.abs(solution.residual).max() * eq.force
-        size = f"residual {left:.1e} N" if math.isfinite(left) else "the rotor outside the gap"
-        return (f"{self.solver.__name__} stopped {where} after {solution.steps} steps, {size}: "
-                + (f"a fold is near (smallest singular value {smallest:.0e}). " if smallest < 0.05
-                   else "")
-                + ("" if math.isfinite(left) else "Lower the eccentricity, the unbalance or the "
-                                                  "field. ")
+        inside = math.isfinite(left)
+        size = f"residual {left:.1e} N" if inside else "the rotor outside the gap"
+        fold = f"a fold is near (smallest singular value {smallest:.0e}). "
+        return (f"{self.solver.__name__} stopped at {where} after {solution.steps} steps, {size}: "
+                + (fold if smallest < 0.05 else "")
+                + ("" if inside else "Lower the eccentricity, the unbalance or the field. ")
                 + "Start from a neighbouring steady state, or follow the branch with `follow`; "
                   "a solver that stops does not show that there is no steady state.")
 
@@ -293,10 +316,17 @@ class HarmonicBalance:
 def first_guess(eq: Condensed, start: PeriodicOrbit) -> NDArray:
     """Unknowns of `eq` from an orbit that may have other harmonics or another number of revolutions
     in its period.
+
+    Raises BadInput for an orbit of a model with other nonlinear coordinates.
     """
+    require("start", start, PeriodicOrbit)
     y = np.zeros_like(eq.linear)
+    if len(start.local) != len(y):
+        raise BadInput(f"start is a steady state of {start.model.name} with {len(start.local)} "
+                       f"nonlinear coordinates; this model, {eq.model.name}, has {len(y)}. Start "
+                       "from a steady state of a model with the same bearings, cracks and tilt.")
     for k in range(start.harmonics + 1):
-        order = k * eq.revolutions / start.equations.revolutions
+        order = k * eq.revolutions / start.revolutions
         if order == int(order) <= eq.harmonics:
             own, new = max(2 * k - 1, 0), max(2 * int(order) - 1, 0)
             width = 2 if k else 1
@@ -306,7 +336,11 @@ def first_guess(eq: Condensed, start: PeriodicOrbit) -> NDArray:
 
 def orbit_from(eq: Condensed, eccentricity: float, centre: NDArray,
                solution: Solution) -> PeriodicOrbit:
-    """The orbit of a solution."""
+    """The orbit of a solution.
+
+    Raises NoConvergence where its residual is not small against the forces on it.
+    """
+    residual = float(np.abs(solution.residual).max() * eq.force)
+    eq.require_balance(solution.y, centre, residual)
     return PeriodicOrbit(eq, float(eccentricity), centre,
-                         eq.length * solution.y.reshape(len(eq.linear), -1),
-                         float(np.abs(solution.residual).max() * eq.force))
+                         eq.length * solution.y.reshape(len(eq.linear), -1), residual)

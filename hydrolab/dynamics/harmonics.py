@@ -8,6 +8,7 @@ is that of the period: where it is q revolutions long, the phase is Ωt/q.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +25,12 @@ def fourier_rows(harmonics: int, phase: ArrayLike) -> NDArray:
     rows = np.ones((2 * harmonics + 1, turns.shape[1]))
     rows[1::2], rows[2::2] = np.sin(turns), np.cos(turns)
     return rows
+
+
+@lru_cache(maxsize=64)
+def period_rows(harmonics: int) -> NDArray:
+    """`fourier_rows` at the phases `PERIOD`, kept, since every orbit asks for them."""
+    return fourier_rows(harmonics, PERIOD)
 
 
 def rate_rows(harmonics: int, phase: ArrayLike) -> NDArray:

@@ -19,6 +19,7 @@ from hydrolab.dynamics.harmonics import (
     amplitudes,
     fit,
     from_complex,
+    period_rows,
     rates,
     synthesise,
     to_complex,
@@ -30,6 +31,22 @@ from hydrolab.machine.quantities import shown
 if TYPE_CHECKING:
     from hydrolab.dynamics.branches import Path
     from hydrolab.dynamics.harmonic_balance import Condensed
+
+
+HINTS = {  # what was given by mistake, and how to get from it to what is wanted
+    "Machine": "a Machine makes a Model by its method model()",
+    "Branch": "branch[3] is one steady state of a Branch",
+    "PeriodicOrbit": "`follow` makes a Branch that begins at a steady state",
+}
+
+
+def require(name: str, value: object, kind: type) -> None:
+    """Raise BadInput, with what to try, where an argument is not of the kind of result wanted."""
+    if not isinstance(value, kind):
+        own, wanted = type(value).__name__, kind.__name__
+        given, hint = (f"a {own}", f" ({HINTS[own]})") if own in HINTS else (shown(value), "")
+        article = "an" if wanted[0] in "AEIOU" else "a"
+        raise BadInput(f"{name} is {given}; it must be {article} {wanted}{hint}.")
 
 
 def contact_sentence(time: float, speed: float, angle: float) -> str:
@@ -194,7 +211,12 @@ class PeriodicOrbit:
     @cached_property
     def smallest_gap(self) -> float:
         """Smallest air gap over the period and the circumference, m (inf where there is no gap)."""
-        return float(clearances(self.equations, self.local, self.centre).min())
+        return float(self._clearances.min())
+
+    @cached_property
+    def _clearances(self) -> NDArray:
+        """Smallest air gap at the phases `PERIOD`, m, (360,)."""
+        return clearances(self.equations, self.local[None], self.centre[None])[0]
 
     def require_clear(self) -> None:
         """Raise Contact, with the angle and the time, if the rotor touches the stator anywhere on
@@ -205,7 +227,7 @@ class PeriodicOrbit:
         """
         if self.smallest_gap > 0:
             return
-        first = int(np.argmax(clearances(self.equations, self.local, self.centre) <= 0))
+        first = int(np.argmax(self._clearances <= 0))
         phase = self.revolutions * PERIOD[first:first + 1]
         place = self.model.relative(self.coordinates(phase), self.centre[:, None])
         raise Contact(f"The steady state at {100 * self.static_eccentricity:.4g} % would touch the "
@@ -228,15 +250,16 @@ class PeriodicOrbit:
                 f"(µm, 0-to-peak) {shares}; {gap}residual {self.residual:.1e} N.")
 
 
-def clearances(eq: Condensed, local: NDArray, centre: NDArray) -> NDArray:
-    """Smallest air gap around the circumference at the phases `PERIOD` of a motion, m, (360,): by
-    the law, on all of its coordinates.
+def clearances(eq: Condensed, local: NDArray, centres: NDArray) -> NDArray:
+    """Smallest air gap around the circumference at the phases `PERIOD` of many motions, m, (P,
+    360): by the law, on all of its coordinates.
 
-    local: [mean, sin 1, cos 1, …] of the nonlinear coordinates, (c, 2m + 1). centre: m, (2,).
+    local: [mean, sin 1, cos 1, …] of the nonlinear coordinates, (P, c, 2m + 1). centres: m, (P, 2).
     """
-    place = eq.model.relative(synthesise(local, PERIOD), centre[:, None])
-    phase = eq.revolutions * PERIOD
-    return np.broadcast_to(eq.model.law.smallest_gap(place, phase), len(PERIOD))
+    place = np.ascontiguousarray((local @ period_rows(eq.harmonics)).transpose(1, 0, 2))
+    place = eq.model.relative(place, centres.T[:, :, None])
+    return np.broadcast_to(eq.model.law.smallest_gap(place, eq.revolutions * PERIOD),
+                           (len(local), len(PERIOD)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,6 +397,10 @@ class Branch:
         """Smallest air gap over the period and the circumference at every point, m, shape
         (points,).
         """
+        if self.parameter in ("static_eccentricity", "direction"):
+            eq, many = self.equations, range(0, len(self), 16)  # at once: laws may need the memory
+            return np.concatenate([clearances(eq, self.local[i:i + 16], self.centres[i:i + 16])
+                                   .min(axis=1) for i in many])
         return np.array([orbit.smallest_gap for orbit in self])
 
     @cached_property

@@ -27,13 +27,13 @@ def test_a_branch_has_the_gaps_and_the_motions_of_its_orbits(branch, request):
     assert branch.local.shape == (len(branch), len(branch.equations.linear), 9)
     for k in range(len(branch)):
         orbit = branch[k]
-        assert branch.smallest_gaps[k] == orbit.smallest_gap
+        assert branch.smallest_gaps[k] == pytest.approx(orbit.smallest_gap, rel=1e-13)
         assert np.array_equal(branch.local[k], orbit.local)
         if not np.isfinite(orbit.model.gap):
             continue
         away = orbit.positions(PERIOD) - orbit.centre[:, None]
         upright = orbit.model.gap - np.hypot(*away).max()
-        assert orbit.smallest_gap <= upright + (4e-4 if shaped else 0) + 1e-15
+        assert orbit.smallest_gap <= upright + (4e-4 if shaped else 0) + 1e-7
 
 
 def test_a_leaning_rotor_comes_nearest_with_an_end():

@@ -169,5 +169,5 @@ def test_branches_along_the_speed(machine):
     system, scaled = branch.path.system(), branch.values[-1] / branch.path.scale
     y, h = branch.unknowns[-1], 1e-5 * scaled
     difference = (system(y, scaled + h)[0] - system(y, scaled - h)[0]) / (2 * h)
-    slope = system(y, scaled)[2]
+    slope = system(y, scaled)[2]()
     assert np.abs(difference - slope).max() < 1e-5 * np.abs(slope).max()
