@@ -1,27 +1,5 @@
-r"""Bearings: linear, of pads with clearance, with an oil film; the parts and their laws.
-
-A guide bearing of separate pads with clearance: a pad pushes where the journal has crossed its
-clearance.
-
-F = −k Σ_j p(n_j · u − c) n_j over pads in the directions n_j, with p(d) = d for d > 0 and 0
-otherwise. The corner is rounded over a distance b, p(d) = (d + √(d² + b²))/2, as surfaces that meet
-are rounded, so that Newton's method has a derivative. It has a potential, so it neither damps nor
-drives. The set-up of guide bearings with radial pads is described by Gustavsson and Aidanpää (2006)
-and in ISO 20816-5; this law of dry, frictionless pads is the simplest of it.
-
-A short journal film with cavitation (the π-film), in closed form.
-
-In a bearing much shorter than its diameter oil flows along the axis only (Dubois and Ocvirk 1953).
-The Reynolds equation then integrates to F = −C ∫ (w·n) n / (1 − x·n)³ dφ with C = µ R L³/c³, x =
-u/c, n = (sin φ, cos φ) and w = u̇ + (Ω/2)(−z, x): the velocity of the journal seen from axes that
-turn at half the speed. Oil bears no tension, so only the half of the circumference with w·n > 0
-counts. Everything follows from one integral over that half,
-
-G(p, q) = ∫ dθ / (1 − p cos θ − q sin θ) = (2/r) A,  A = π/2 + arctan(p/r),  r² = 1 − p² − q²,  |θ|
-< π/2,
-
-with p and q the parts of x along w and a quarter turn on: F = −(C/2) ∂²G/∂x² w. The same force is
-given in other letters by Capone (1991); Adiletta, Guido and Rossi (1996) print it.
+r"""What carries the shaft: linear bearings, guide bearings of pads with clearance, and a short
+journal film; the laws of the last two, and the parts a card makes them of.
 """
 
 from __future__ import annotations
@@ -29,13 +7,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.machine.pull import ForceLaw, Linear, quiet
-from hydrolab.machine.quantities import Fault, Matrix, Part, Text, Whole, declare, number_field
+from hydrolab.machine.quantities import (
+    Fault,
+    Part,
+    bearing_matrix,
+    number_field,
+    text_field,
+    whole_field,
+)
 
 
 class BearingLaw(ForceLaw):
@@ -49,7 +34,14 @@ class BearingLaw(ForceLaw):
 
 @dataclass(frozen=True)
 class Pads(BearingLaw):
-    """Force of `count` equal pads at equal angles on a journal at u = (x, z).
+    """Force of `count` equal pads at equal angles on a journal at u = (x, z): a pad pushes where
+    the journal has crossed its clearance.
+
+    F = −k Σ_j p(n_j · u − c) n_j over pads in the directions n_j, with p(d) = d for d > 0 and 0
+    otherwise. The corner is rounded over a distance b, p(d) = (d + √(d² + b²))/2, as surfaces that
+    meet are rounded, so that Newton's method has a derivative. It has a potential, so it neither
+    damps nor drives. The set-up of guide bearings with radial pads is described by Gustavsson and
+    Aidanpää (2006) and in ISO 20816-5; this law of dry, frictionless pads is the simplest of it.
 
     stiffness: of one pad, N/m. clearance: of each, m; negative is a preload. angle: gap angle of
     the first pad, rad. rounding: b, m. reference: stiffness of the linear bearing in the model's
@@ -90,7 +82,20 @@ class Pads(BearingLaw):
 
 @dataclass(frozen=True)
 class ShortFilm(BearingLaw):
-    """Force of a cavitated short film on a journal at u = (x, z) that moves with u̇, at a speed Ω.
+    r"""Force of a short film with cavitation (the π-film) on a journal at u = (x, z) that moves
+    with u̇, at a speed Ω, in closed form.
+
+    In a bearing much shorter than its diameter oil flows along the axis only (Dubois and Ocvirk
+    1953). The Reynolds equation then integrates to F = −C ∫ (w·n) n / (1 − x·n)³ dφ with C = µ R
+    L³/c³, x = u/c, n = (sin φ, cos φ) and w = u̇ + (Ω/2)(−z, x): the velocity of the journal seen
+    from axes that turn at half the speed. Oil bears no tension, so only the half of the
+    circumference with w·n > 0 counts. Everything follows from one integral over that half,
+
+    G(p, q) = ∫ dθ / (1 − p cos θ − q sin θ) = (2/r) A,  A = π/2 + arctan(p/r),
+    r² = 1 − p² − q²,  |θ| < π/2,
+
+    with p and q the parts of x along w and a quarter turn on: F = −(C/2) ∂²G/∂x² w. The same force
+    is given in other letters by Capone (1991); Adiletta, Guido and Rossi (1996) print it.
 
     damping: C = µ R L³/c³, N s/m. clearance: radial, c, m; outside it the force is nan.
     reference: stiffness of the linear bearing in the model's matrix, N/m, which this law takes
@@ -182,8 +187,8 @@ class Bearing(Part):
     told_by: ClassVar[str]
     group: ClassVar[str]
     tilts: ClassVar[bool] = False
-    name: str = declare(Text("what the bearing is called", "guide bearing"))
-    node: int = declare(Whole("the node it is at, from 0 at the shaft top", 1))
+    name: str = text_field("what the bearing is called", "guide bearing")
+    node: int = whole_field("the node it is at, from 0 at the shaft top", 1)
 
     def law(self, speed: float) -> BearingLaw | None:
         """What is not linear in it at a speed (rad/s) of the machine; None for a linear bearing."""
@@ -196,34 +201,31 @@ class Bearing(Part):
 
 @dataclass(frozen=True, eq=False)
 class RadialBearing(Bearing):
-    """A linear radial bearing: force on the rotor −stiffness·u − damping·u̇ with u = (x, z).
-
-    stiffness (N/m) and damping (N s/m): one number (isotropic), two ([x, z]) or 2 × 2.
-    """
+    """A linear radial bearing: force on the rotor −stiffness·u − damping·u̇ with u = (x, z)."""
 
     noun = "a radial bearing"
     told_by = "stiffness"
     group = "bearings"
-    stiffness: NDArray = number_field("N/m", "stiffness, of each direct entry", holds=Matrix,
-                                      least=0, example=(1.37e9, "N/m"))
-    damping: NDArray | float = number_field("N s/m", "damping, of each direct entry", holds=Matrix,
-                                            least=0, default=0.0, example=(1e6, "N s/m"))
+    stiffness: NDArray | Any = number_field(
+        "N/m", "stiffness: one number (isotropic), [x, z] or [[xx, xz], [zx, zz]]; direct entries "
+        "at least 0", form=bearing_matrix, example=1.37e9)
+    damping: NDArray | Any = number_field("N s/m", "damping, likewise", form=bearing_matrix,
+                                          default=0.0, example=1e6)
 
     def matrices(self) -> tuple[NDArray, NDArray]:
         """Stiffness, N/m, and damping, N s/m."""
-        return self.stiffness, np.asarray(self.damping)
+        return self.stiffness, self.damping
 
 
 @dataclass(frozen=True)
 class ThrustBearing(Bearing):
-    """A thrust bearing seen by the lateral motion: an angular spring, N m/rad, at one node."""
+    """A thrust bearing seen by the lateral motion: an angular spring at one node."""
 
     noun = "a thrust bearing"
     told_by = "tilt_stiffness"
     group = "thrust_bearings"
     tilts = True
-    tilt_stiffness: float = number_field("N m/rad", "stiffness against tilt", least=0,
-                                         example=(5e7, "N m/rad"))
+    tilt_stiffness: float = number_field("N m/rad", "stiffness against tilt", least=0, example=5e7)
 
     def matrices(self) -> tuple[NDArray, NDArray]:
         """Stiffness, N m/rad, and damping, N m s/rad."""
@@ -235,28 +237,21 @@ STIFF = 5  # so that the linear answer, from which a solver starts, lies within 
 
 @dataclass(frozen=True)
 class PadBearing(Bearing):
-    """A guide bearing of separate pads with clearance (`Pads`): dry contact, no friction.
-
-    pads: how many, at equal angles. pad_stiffness: of each, N/m. clearance: between each and the
-    resting journal, m; negative is a preload. angle: gap angle of the first pad, rad. rounding:
-    distance over which contact begins softly, m; 0 stands for a tenth of the clearance, or of a
-    millimetre where there is no clearance.
-    """
+    """A guide bearing of separate pads with clearance (`Pads`): dry contact, no friction."""
 
     noun = "pads with clearance"
     told_by = "pad_stiffness"
     group = "pad_bearings"
-    pads: int = declare(Whole("how many pads, at equal angles", 8, least=3, most=64, why="with "
-                              "fewer than 3 the journal can slip out between"))
-    pad_stiffness: float = number_field("N/m", "stiffness of each pad", above=0,
-                                        example=(3.4e8, "N/m"))
+    pads: int = whole_field("how many pads, at equal angles", 8, least=3, most=64,
+                            why="with fewer than 3 the journal can slip out between")
+    pad_stiffness: float = number_field("N/m", "stiffness of each pad", above=0, example=3.4e8)
     clearance: float = number_field("m", "between each pad and the resting journal; negative is a "
                                     "preload", example=(150, "µm"))
     angle: float = number_field("rad", "gap angle of the first pad, from z towards x", default=0.0,
                                 example=(22.5, "deg"))
-    rounding: float = number_field("m", "distance over which contact begins softly; 0 stands for a "
-                                   "tenth of the clearance", least=0, default=0.0,
-                                   example=(15, "µm"))
+    rounding: float = number_field(
+        "m", "distance over which contact begins softly; 0 stands for a tenth of the clearance, or "
+        "of a millimetre where there is none", least=0, default=0.0, example=(15, "µm"))
 
     def law(self, speed: float = 0.0) -> Pads:
         """The law of its pads, which takes back the linear bearing of their closed stiffness."""
@@ -267,20 +262,17 @@ class PadBearing(Bearing):
 
 @dataclass(frozen=True)
 class JournalFilm(Bearing):
-    """A short journal bearing with a cavitated oil film (`ShortFilm`).
-
-    viscosity: µ, Pa s. journal_radius: R, m. film_length: L along the axis, m. clearance: radial,
-    m.
-    """
+    """A short journal bearing with a cavitated oil film (`ShortFilm`)."""
 
     noun = "a journal film"
     told_by = "viscosity"
     group = "films"
-    viscosity: float = number_field("Pa s", "viscosity of the oil", above=0, example=(0.03, "Pa s"))
-    journal_radius: float = number_field("m", "radius of the journal", above=0, example=(400, "mm"))
-    film_length: float = number_field("m", "length of the film along the axis", above=0,
+    viscosity: float = number_field("Pa s", "viscosity µ of the oil", above=0, example=0.03)
+    journal_radius: float = number_field("m", "radius R of the journal", above=0,
+                                         example=(400, "mm"))
+    film_length: float = number_field("m", "length L of the film along the axis", above=0,
                                       example=(250, "mm"))
-    clearance: float = number_field("m", "radial clearance", above=0, example=(200, "µm"))
+    clearance: float = number_field("m", "radial clearance c", above=0, example=(200, "µm"))
 
     def disagreements(self) -> Iterator[Fault]:
         """A film is thin and short."""

@@ -10,11 +10,13 @@ key, its value and what is allowed.
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, Field, fields, replace
+from dataclasses import MISSING, fields, replace
 from difflib import get_close_matches
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,15 +40,15 @@ from hydrolab.machine.quantities import (
     BadParts,
     Entry,
     Fault,
-    Number,
+    Held,
     Part,
-    Prose,
     checked,
     declared,
     dotted,
     micro,
     nickname,
     number,
+    prose,
     shown,
 )
 
@@ -79,34 +81,32 @@ def card_keys() -> list[CardKey]:
     """Return every key that a card may hold, in the order of its tables."""
     rows = [CardKey("schema", "the card", "the form of the card", "", f"{SCHEMA}",
                     f"schema = {SCHEMA}", True)]
-    for kind in (Machine, Shaft, RigidBody, *BEARINGS, RayleighDamping, AirGap, Crack, Poles,
-                 GapShape):
+    kinds: tuple[type[Part], ...] = (Machine, Shaft, RigidBody, *BEARINGS, RayleighDamping, AirGap,
+                                     Crack, Poles, GapShape)
+    for kind in kinds:
         prefix = f"{kind.table}.…" if "name" in declared(kind) and kind.table else kind.table
         what = f"[{kind.table}]" if kind in ALONE else kind.noun
-        for name, holds in declared(kind).items():
-            unit = ", ".join(holds.units) if isinstance(holds, Number) else ""
-            rows.append(CardKey(dotted(prefix, name), what, holds.meaning, unit, holds.limits,
-                                f"{name} = {example(holds)}", name in needed(kind)))
+        rows += [CardKey(dotted(prefix, name), what, held.meaning,
+                         ", ".join(held.units) if held.unit else "", held.limits,
+                         f"{name} = {example(held)}", name in needed(kind))
+                 for name, held in declared(kind).items()]
     return rows
 
 
-def example(holds: Any, filled: bool = True) -> str:
+def example(held: Held, filled: bool = True) -> str:
     """What a declared field may look like in a card; not filled: its form, for any number."""
-    if not isinstance(holds, Number):
-        return {str: f'"{holds.example}"', bool: "true"}.get(type(holds.example),
-                                                             f"{holds.example}")
-    value, unit = holds.example if filled else ("…", next(iter(holds.units)))
+    if not held.unit:
+        return json.dumps(held.example)  # true, a number or a text in quotes, as in TOML
+    value, unit = held.example if filled else ("…", next(iter(held.units)))
     value = f"{value:g}" if isinstance(value, float) else value
     return f'{{ value = {value}, unit = "{unit}", source = "assumed" }}'
 
 
 def needed(kind: type[Part], free: tuple[str, ...] = ()) -> list[str]:
     """The fields of a kind of part that its table must state; free: those that it need not."""
-    def must(f: Field) -> bool:
-        return f.default is MISSING or declared(kind)[f.name].stated
-
-    return [f.name for f in fields(kind) if f.name in declared(kind) and must(f)
-            and f.name not in free]
+    default = {f.name: f.default for f in fields(kind)}
+    return [name for name, held in declared(kind).items()
+            if (held.stated or default[name] is MISSING) and name not in free]
 
 
 class Reader:
@@ -140,24 +140,24 @@ class Reader:
             self.fail(own, f"{own} is missing; {where} needs {', '.join(must)}, so add "
                       f"{k} = {must[k]}.")
 
-    def entry(self, key: str, table: Any, holds: Number) -> Entry | None:
+    def entry(self, key: str, table: Any, held: Held) -> Entry | None:
         """The number that a card states under a key, or None."""
         name, before = key.rpartition(".")[2], len(self.faults)
         if not isinstance(table, Mapping):
             self.fail(key, f"{key} is {shown(table)}; write a number as "
-                      f"{name} = {example(holds, filled=False)}.")
+                      f"{name} = {example(held, filled=False)}.")
             return None
-        self.keys(key, table, {"value": "…", "unit": f'"{next(iter(holds.units))}"',
+        self.keys(key, table, {"value": "…", "unit": f'"{next(iter(held.units))}"',
                                "source": '"assumed"'}, ["note"])
         stated = {**table, "unit": micro(table.get("unit"))}
-        for part, allowed in (("unit", list(holds.units)), ("source", SOURCES)):
+        for part, allowed in (("unit", list(held.units)), ("source", SOURCES)):
             if part in table and stated[part] not in allowed:
                 self.fail(f"{key}.{part}", f"{key}.{part} is {shown(table[part])}; it must be one "
                           f"of {', '.join(allowed)}.")
         try:
-            note = Prose("note").check(f"{key}.note", table.get("note", ""))
+            note = prose(f"{key}.note", table.get("note", ""))
             if len(self.faults) == before:
-                si = in_si(key, table["value"], stated["unit"], holds.units[stated["unit"]])
+                si = in_si(key, table["value"], stated["unit"], held.units[stated["unit"]])
                 return Entry(table["value"], stated["unit"], table["source"], note, si)
         except BadInput as error:
             self.fail("", str(error))
@@ -177,10 +177,10 @@ class Reader:
                   [*fields_of, *also])
         found: dict[str, Any] = {}
         for name in (name for name in fields_of if name in table):
-            own, holds = dotted(key, name), fields_of[name]
+            own, held = dotted(key, name), fields_of[name]
             found[name] = table[name]
-            if isinstance(holds, Number):
-                entry = self.entry(own, table[name], holds)
+            if held.unit:
+                entry = self.entry(own, table[name], held)
                 if entry is None:
                     del found[name]
                 else:
@@ -282,7 +282,7 @@ def read_card(name_or_path: str | Path) -> dict[str, Any]:
     Raises BadInput if there is no such card or it is not TOML.
     """
     own = isinstance(name_or_path, Path) or str(name_or_path).endswith(".toml")
-    text = _read(Path(name_or_path)) if own else card_text(name_or_path)
+    text = _read(Path(name_or_path)) if own else card_text(str(name_or_path))
     if any(piece.count(".") > 100 for line in text.splitlines() for piece in line.split(",")):
         # tomllib would take minutes over a key of thousands of dots
         raise BadInput(f"{shown(str(name_or_path))} is no card: a line has more than 100 dots "
@@ -334,11 +334,12 @@ def machine_from_card(card: Mapping[str, Any]) -> Machine:
                 made = read.part(one, key, read.values(one, key, table, free))
                 group = one.group if issubclass(one, Bearing) else kind.table
                 several.setdefault(group, []).append(made)
-    if not read.faults:
+    machine = None
+    if own is not None and not read.faults:
         parts = {kind.table: made for kind, made in alone.items()}
         lists = {group: tuple(made) for group, made in several.items()}
         machine = read.part(Machine, "", own | parts | lists | {"provenance": read.entries})
-    if read.faults:
+    if machine is None:
         raise BadParts(read.faults)
     return machine
 
@@ -390,7 +391,7 @@ def _reason(error: Exception) -> str:
     return text[:1].lower() + (text[1:] if len(text) < 160 else f"{text[1:100]} … {text[-50:]}")
 
 
-def _shipped():
+def _shipped() -> Traversable:
     return files("hydrolab.machine") / "cards"
 
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 
 from hydrolab.machine.pull import ForceLaw, Linear, quiet
-from hydrolab.machine.quantities import Choice, Part, Text, Whole, declare, number_field
+from hydrolab.machine.quantities import Part, choice_field, number_field, text_field, whole_field
 
 if TYPE_CHECKING:
     from hydrolab.machine.parts import Shaft
@@ -106,28 +106,21 @@ def stiffness_loss(rigidity: float, length: float, flexibility: float) -> float:
 
 @dataclass(frozen=True)
 class Crack(Part):
-    """A transverse crack in the middle of a shaft element (`BreathingCrack`).
-
-    element: counted from the shaft top, from 0. depth: of the crack at its deepest, over the
-    diameter. phase: angle of the crack from the direction of an unbalance of phase 0, rad, with the
-    spin. breathing: "hinge" opens and closes with the bending, "open" is a slot. rounding_angle:
-    the angle between the element's ends over which it opens, rad.
-    """
+    """A transverse crack in the middle of a shaft element (`BreathingCrack`)."""
 
     table = "cracks"
     noun = "a crack"
-    name: str = declare(Text("what the crack is called", "crack"))
-    element: int = declare(Whole("the shaft element it is in, from 0 at the shaft top", 1,
-                                 most=10_000, why="elements are counted from 0 at the top"))
-    depth: float = number_field("1", "depth at its deepest over the diameter", least=0,
+    name: str = text_field("what the crack is called", "crack")
+    element: int = whole_field("the shaft element it is in, from 0 at the shaft top", 1)
+    depth: float = number_field("1", "depth at its deepest, over the diameter", least=0,
                                 most=DEEPEST, why="of the diameter; the flexibility is known no "
                                 "further", example=(20, "%"))
     phase: float = number_field("rad", "angle from an unbalance of phase 0, with the spin",
                                 default=0.0, example=(90, "deg"))
-    breathing: str = declare(Choice("whether it opens and closes with the bending, or stays open",
-                                    "hinge", options=("hinge", "open")), "hinge")
+    breathing: str = choice_field("whether it opens and closes with the bending, or stays open, a "
+                                  "slot", "hinge", "open", default="hinge")
     rounding_angle: float = number_field("rad", "angle between the element's ends over which it "
-                                         "opens", above=0, default=1e-7, example=(1e-6, "rad"))
+                                         "opens", above=0, default=1e-7, example=1e-6)
 
     def law(self, shaft: Shaft) -> BreathingCrack:
         """The crack's law in its element of a solid shaft."""

@@ -28,16 +28,14 @@ from hydrolab.errors import BadInput
 from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.pull import Bulge, ForceLaw, outline, shaped_law
 from hydrolab.machine.quantities import (
-    Choice,
     Part,
-    Text,
-    Whole,
-    declare,
+    choice_field,
     micro,
     number_field,
     shown,
+    text_field,
+    whole_field,
 )
-
 
 Kind = Literal["static", "synchronous", "forward", "backward"]
 Side = Literal["stator", "rotor"]
@@ -88,18 +86,15 @@ MOST = 40  # of the order of a shape: the quadrature's 256 points resolve it
 @dataclass(frozen=True)
 class GapShape(Part):
     """One order of a shape out of round (`Bulge`): the radius is larger by size · cos(order (φ −
-    angle)).
-
-    of: "stator", which stands still, or "rotor", which turns. order: lobes around the
-    circumference. size: m. angle: gap angle of a lobe, rad, on the rotor at phase 0.
+    angle)). A stator's stands still, a rotor's turns.
     """
 
     table = "shapes"
     noun = "a shape"
-    name: str = declare(Text("what the shape is called", "oval"))
-    of: str = declare(Choice("what is out of round", "stator", options=SIDES))
-    order: int = declare(Whole("lobes around the circumference", 2, least=1, most=MOST,
-                               why="1 is a shift, 2 an oval"))
+    name: str = text_field("what the shape is called", "oval")
+    of: str = choice_field("what is out of round", *SIDES)
+    order: int = whole_field("lobes around the circumference", 2, least=1, most=MOST,
+                             why="1 is a shift, 2 an oval")
     size: float = number_field("m", "by how much the radius is larger at a lobe",
                                example=(400, "µm"))
     angle: float = number_field("rad", "gap angle of a lobe, on the rotor at phase 0", default=0.0,

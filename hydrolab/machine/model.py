@@ -41,13 +41,12 @@ DISTINCT = 1e-6
 
 def rayleigh_coefficients(M: NDArray, K: NDArray,
                           ratios: tuple[float, float]) -> tuple[float, float]:
-    """α (1/s) and β (s) that give the first and the second distinct mode at rest these damping
-    ratios.
+    """α (1/s) and β (s) of C = αM + βK that give the first and the second distinct mode at rest
+    these damping ratios.
 
-    In a mode of C = αM + βK the ratio is ζ = α/(2ω) + βω/2 (T. K. Caughey and M. E. J. O'Kelly,
-    1965), so two frequencies fix both. The frequencies are those of M and K alone (speed zero). The
-    two equal frequencies of an isotropic rotor count once, and rigid-body motions, ω = 0, cannot
-    carry a ratio.
+    In a mode the ratio is ζ = α/(2ω) + βω/2 (T. K. Caughey and M. E. J. O'Kelly, 1965), so two
+    frequencies fix both. The frequencies are those of M and K alone (speed zero). The two equal
+    frequencies of an isotropic rotor count once, and rigid-body motions, ω = 0, carry no ratio.
 
     M, K: mass and stiffness, (n, n), M positive definite, K symmetric. ratios: (ζ₁, ζ₂), fractions
     of critical.
@@ -64,11 +63,9 @@ def rayleigh_coefficients(M: NDArray, K: NDArray,
     above = omega[omega > omega[0] * (1 + DISTINCT)] if len(omega) else omega
     if not len(above):
         raise BadInput("damping.ratio needs two distinct frequencies above zero; this machine has "
-                       f"{len(omega[:1])}. "
-                       "Give the bearings a damping instead.")
-    first, second = omega[0], above[0]
-    alpha, beta = np.linalg.solve([[1 / (2 * first), first / 2], [1 / (2 * second), second / 2]],
-                                  ratios)
+                       f"{len(omega[:1])}. Give the bearings a damping instead.")
+    two = np.array([omega[0], above[0]])
+    alpha, beta = np.linalg.solve(np.stack([1 / (2 * two), two / 2], axis=1), ratios)
     return float(alpha), float(beta)
 
 
@@ -236,8 +233,7 @@ class Model:
                            "no air gap; use 0.")
         if abs(static_eccentricity) >= 1:
             raise BadInput(f"static_eccentricity is {static_eccentricity:g}; it is a fraction of "
-                           "the gap, so it must "
-                           "lie between -1 and 1 (8.8 % is 0.088).")
+                           "the gap, so it must lie between -1 and 1 (8.8 % is 0.088).")
         if not static_eccentricity:
             return np.zeros(2)
         return static_eccentricity * self.gap * np.array([math.sin(direction), math.cos(direction)])

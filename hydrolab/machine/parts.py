@@ -31,28 +31,26 @@ from hydrolab.machine.gap_shape import GapShape
 from hydrolab.machine.model import assemble
 from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.quantities import (
-    Choice,
     Entry,
     Fault,
-    Flag,
-    Number,
-    Numbers,
-    Pair,
+    Held,
     Part,
-    PerElement,
-    Prose,
-    Text,
-    Whole,
-    declare,
+    choice_field,
     dotted,
+    flag_field,
     frozen,
     nickname,
     number,
     number_field,
     numbers_of,
+    pair,
+    per_element,
     quantity,
     shown,
     simplest,
+    text_field,
+    vector,
+    whole_field,
 )
 
 if TYPE_CHECKING:
@@ -72,28 +70,23 @@ WIDE = 5  # radius of a journal over the diameter of the shaft
 class AirGap(Part):
     """The generator's air gap (Villa et al., Table 1).
 
-    body: the name of the rigid body inside it. field: unperturbed flux density B0, T (rms).
-    mean_radius: u0, m. length: l0, m. gap: nominal gap g0, m.
-    tilt: whether the pull also feels the rotor lean in the stator, over the height l0
-    (`TiltedPull`). linear: take the pull as a negative stiffness at any eccentricity, as design
-    tools do (`LinearPull`). tangential: pull across the eccentricity that damper circuits add, over
-    the pull along it; above 0 it drives forward whirl (`TangentialPull`).
+    tilt, linear and tangential choose and add laws: `TiltedPull`, `LinearPull`, `TangentialPull`.
     """
 
     table = "air_gap"
-    body: str = declare(Text("the name of the body inside it", "generator"))
-    field: float = number_field("T", "flux density B0 of the centred rotor, rms", least=0, most=100,
-                                why="iron saturates near 2 T", example=(0.5, "T"))
-    mean_radius: float = number_field("m", "mean radius u0 of the gap", above=0, example=(3, "m"))
-    length: float = number_field("m", "length l0 of the iron along the axis", above=0,
-                                 example=(0.97, "m"))
+    body: str = text_field("the name of the body inside it", "generator")
+    field: float = number_field("T", "unperturbed flux density B0, rms", least=0, most=100,
+                                why="iron saturates near 2 T", example=0.5)
+    mean_radius: float = number_field("m", "mean radius u0 of the gap", above=0, example=3)
+    length: float = number_field("m", "length l0 of the iron along the axis", above=0, example=0.97)
     gap: float = number_field("m", "nominal gap g0", above=0, example=(11, "mm"))
-    tilt: bool = declare(Flag("whether the pull feels the rotor lean", True), False)
-    linear: bool = declare(Flag("whether the pull is a negative stiffness at any eccentricity",
-                                True), False)
-    tangential: float = number_field("1", "pull across the eccentricity, over the pull along it; "
-                                     "above 0 it drives forward whirl", default=0.0,
-                                     example=(0.5, "%"))
+    tilt: bool = flag_field("whether the pull also feels the rotor lean in the stator, over the "
+                            "height l0")
+    linear: bool = flag_field("whether to take the pull as a negative stiffness at any "
+                              "eccentricity, as design tools do")
+    tangential: float = number_field("1", "pull across the eccentricity that damper circuits add, "
+                                     "over the pull along it; above 0 it drives forward whirl",
+                                     default=0.0, example=(0.5, "%"))
 
     def disagreements(self) -> Iterator[Fault]:
         """A gap is narrow."""
@@ -109,33 +102,28 @@ class AirGap(Part):
 
 @dataclass(frozen=True, eq=False)
 class Shaft(Part):
-    """A straight shaft of round section, divided into beam elements.
-
-    nodes: depths y of the nodes, m, ascending from the shaft top at 0; shape (elements + 1,).
-    diameter, inner_diameter: m; one number, or one per element.
-    young: Pa. density: kg/m³. poisson: Poisson's ratio.
-    shear_coefficient: κ ≤ 1, the share of the section that carries shear (multiplies G A).
-    element: "lalanne-ferraris" (Euler–Bernoulli mass, shear in the stiffness only) or
-    "timoshenko" (consistent).
+    """A straight shaft of round section, divided into beam elements: "lalanne-ferraris" has the
+    mass of Euler and Bernoulli, and shear in the stiffness only; "timoshenko" is consistent.
     """
 
     table = "shaft"
-    nodes: NDArray = number_field("m", "depths of the nodes, from the shaft top at 0",
-                                  holds=Numbers, example=([0, 1, 5, 9], "m"))
-    diameter: NDArray = number_field("m", "diameter, one or one an element", holds=PerElement,
-                                     above=0, example=(710, "mm"))
+    nodes: NDArray | Any = number_field("m", "depths y of the nodes, ascending from the shaft top "
+                                        "at 0; (elements + 1,)", form=vector,
+                                        example=([0, 1, 5, 9], "m"))
+    diameter: NDArray | Any = number_field("m", "diameter, one number or one an element",
+                                           form=per_element, above=0, example=(710, "mm"))
     young: float = number_field("Pa", "Young's modulus", above=0, example=(200, "GPa"))
-    density: float = number_field("kg/m^3", "density", least=0, example=(7850, "kg/m^3"))
+    density: float = number_field("kg/m^3", "density", least=0, example=7850)
     poisson: float = number_field("1", "Poisson's ratio", above=-1, below=0.5, default=0.3,
-                                  stated=True, example=(0.3, "1"))
-    shear_coefficient: float = number_field("1", "share of the section that carries shear",
-                                            above=0, most=1, default=0.9, stated=True,
-                                            example=(0.9, "1"))
-    element: str = declare(Choice("the beam element", "lalanne-ferraris", stated=True,
-                                  options=("lalanne-ferraris", "timoshenko")), "lalanne-ferraris")
-    inner_diameter: NDArray | float = number_field("m", "diameter of the bore, one or one an "
-                                                   "element", holds=PerElement, least=0,
-                                                   default=0.0, example=(200, "mm"))
+                                  stated=True, example=0.3)
+    shear_coefficient: float = number_field("1", "share κ of the section that carries shear, which "
+                                            "multiplies G A", above=0, most=1, default=0.9,
+                                            stated=True, example=0.9)
+    element: str = choice_field("the beam element", "lalanne-ferraris", "timoshenko",
+                                default="lalanne-ferraris", stated=True)
+    inner_diameter: NDArray | Any = number_field("m", "diameter of the bore, one number or one an "
+                                                 "element", form=per_element, least=0, default=0.0,
+                                                 example=(200, "mm"))
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -145,8 +133,8 @@ class Shaft(Part):
 
     def disagreements(self) -> Iterator[Fault]:
         """Nodes descend along the shaft, and a bore leaves some of it."""
-        nodes, elements, whole = self.nodes, len(self.nodes) - 1, True
-        if len(nodes) < 2:
+        nodes, elements = self.nodes, len(self.nodes) - 1
+        if elements < 1:
             yield "nodes", f"has {len(nodes)} entries; a shaft needs at least 2 nodes."
             return
         if nodes[0] != 0:
@@ -155,22 +143,26 @@ class Shaft(Part):
             at = int(np.argmin(np.diff(nodes)))
             yield "nodes", (f"goes from {nodes[at]:g} m to {nodes[at + 1]:g} m; the depths must "
                             "ascend.")
-        for name in ("diameter", "inner_diameter"):
-            if (given := np.size(getattr(self, name))) not in (1, elements) or (
-                    np.ndim(getattr(self, name)) and given != elements):
-                whole = False
-                yield name, (f"has {given} entries; give one number or one per element, "
-                             f"{elements}.")
-        if whole and (closed := np.full(elements, self.inner_diameter) >= self.diameter).any():
-            at = int(np.argmax(closed))
-            outer, inner = (np.full(elements, d)[at] for d in (self.diameter, self.inner_diameter))
-            yield "inner_diameter", (f"is {inner:g} m; it must be smaller than shaft.diameter, "
-                                     f"{outer:g} m.")
+        wrong = [(name, np.size(d)) for name in ("diameter", "inner_diameter")
+                 if np.ndim(d := getattr(self, name)) and np.size(d) != elements]
+        for name, given in wrong:
+            yield name, f"has {given} entries; give one number or one per element, {elements}."
+        if wrong:
+            return
+        inner, outer = (np.full(elements, d) for d in (self.inner_diameter, self.diameter))
+        if (inner >= outer).any():
+            at = int(np.argmax(inner >= outer))
+            yield "inner_diameter", (f"is {inner[at]:g} m; it must be smaller than shaft.diameter, "
+                                     f"{outer[at]:g} m.")
 
     @property
     def length(self) -> float:
         """Length, m."""
         return float(self.nodes[-1])
+
+    def thickness(self, node: int) -> float:
+        """Diameter at a node, the larger of its two elements, m."""
+        return float(self.diameter[max(node - 1, 0):node + 1].max())
 
     @property
     def area(self) -> NDArray:
@@ -187,26 +179,24 @@ class Shaft(Part):
 class RigidBody(Part):
     """A rigid body of revolution, held by a massless rigid link of length |offset| to a shaft node.
 
-    offset: position of its centre below the node, m (negative: above).
-    mass: kg. Id, Ip: diametral and polar moments of inertia about its own centre, kg m².
-    unbalance: mass times eccentricity, kg m; with phase ψ (rad) the force on the rotor is
-    U Ω² (sin(Ωt + ψ), cos(Ωt + ψ)) in (x, z).
+    With the phase ψ of its unbalance U the force on the rotor is U Ω² (sin(Ωt + ψ), cos(Ωt + ψ)) in
+    (x, z).
     """
 
     table = "bodies"
     noun = "a body"
-    name: str = declare(Text("what the body is called", "generator"))
-    node: int = declare(Whole("the node it hangs on, from 0 at the shaft top", 0))
+    name: str = text_field("what the body is called", "generator")
+    node: int = whole_field("the node it hangs on, from 0 at the shaft top", 0)
     mass: float = number_field("kg", "mass", above=0, example=(119, "t"))
-    Id: float = number_field("kg m^2", "moment of inertia about a diameter", least=0, default=0.0,
-                             stated=True, example=(240, "t m^2"))
+    Id: float = number_field("kg m^2", "moment of inertia about a diameter through its centre",
+                             least=0, default=0.0, stated=True, example=(240, "t m^2"))
     Ip: float = number_field("kg m^2", "moment of inertia about the axis", least=0, default=0.0,
                              stated=True, example=(383, "t m^2"))
-    offset: float = number_field("m", "position of its centre below the node", default=0.0,
-                                 example=(-472, "mm"))
+    offset: float = number_field("m", "position of its centre below the node; negative: above",
+                                 default=0.0, example=(-472, "mm"))
     unbalance: float = number_field("kg m", "mass times eccentricity", least=0, default=0.0,
-                                    example=(84, "kg m"))
-    phase: float = number_field("rad", "angle of the unbalance", default=0.0, example=(90, "deg"))
+                                    example=84)
+    phase: float = number_field("rad", "angle ψ of the unbalance", default=0.0, example=(90, "deg"))
 
     def disagreements(self) -> Iterator[Fault]:
         """Ip is at most twice Id, and the mass centre of a rotor lies inside it."""
@@ -214,9 +204,7 @@ class RigidBody(Part):
             yield "Ip", (f"is {self.Ip:g} kg m^2; no rigid body has Ip above 2 Id, here "
                          f"{2 * self.Id:g} kg m^2.")
         if self.gyration > LARGEST_ROTOR:
-            yield "mass", (f"is {self.mass:g} kg and {self.key}.Ip {self.Ip:g} kg m^2, a radius of "
-                           f"gyration of {self.gyration:.3g} m; no rotor has more than "
-                           f"{LARGEST_ROTOR:g} m, so one of them is in another unit.")
+            yield "mass", self.heavy(f"no rotor has more than {LARGEST_ROTOR:g} m")
         if 0 < self.gyration < self.unbalance / self.mass:
             yield "unbalance", (f"is {self.unbalance:g} kg m, {self.unbalance / self.mass:.3g} m "
                                 f"times the mass; that must be less than the radius of gyration, "
@@ -227,6 +215,11 @@ class RigidBody(Part):
         """Radius of gyration about the axis, √(Ip/m), m."""
         return math.sqrt(self.Ip / self.mass)
 
+    def heavy(self, limit: str) -> str:
+        """The sentence on a radius of gyration above a limit, which is given in words."""
+        return (f"is {self.mass:g} kg and {self.key}.Ip {self.Ip:g} kg m^2, a radius of gyration "
+                f"of {self.gyration:.3g} m; {limit}, so one of them is in another unit.")
+
 
 @dataclass(frozen=True)
 class RayleighDamping(Part):
@@ -234,9 +227,9 @@ class RayleighDamping(Part):
     """
 
     table = "damping"
-    ratio: tuple[float, float] = number_field("1", "damping ratios of the first and the second "
-                                              "distinct mode at rest, one or two", holds=Pair,
-                                              least=0, below=1, example=(1, "%"))
+    ratio: tuple[float, float] = number_field("1", "damping ratios of the two modes, one or two "
+                                              "numbers", form=pair, least=0, below=1,
+                                              example=(1, "%"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +246,7 @@ class Machine(Part):
     """
 
     noun = "the machine"
-    name: str = declare(Text("what the machine is called", "my unit"))
+    name: str = text_field("what the machine is called", "my unit")
     speed: float = number_field("rad/s", "rated speed", least=0, example=(150, "rpm"))
     shaft: Shaft | None = None
     bodies: tuple[RigidBody, ...] = ()
@@ -261,9 +254,9 @@ class Machine(Part):
     thrust_bearings: tuple[ThrustBearing, ...] = ()
     damping: RayleighDamping | None = None
     air_gap: AirGap | None = None
-    title: str = declare(Prose("one line about it", "A Kaplan unit"), "")
+    title: str = text_field("a line about it", "A Kaplan unit", "")
     provenance: Mapping[str, Entry] = field(default_factory=dict)
-    about: str = declare(Prose("a paragraph about it", "Where its numbers come from."), "")
+    about: str = text_field("a paragraph about it", "Where its numbers come from.", "")
     pad_bearings: tuple[PadBearing, ...] = ()
     films: tuple[JournalFilm, ...] = ()
     cracks: tuple[Crack, ...] = ()
@@ -282,28 +275,32 @@ class Machine(Part):
 
     def disagreements(self) -> Iterator[Fault]:
         """What does not go together in this machine, by the keys of its numbers."""
-        bent = self._bent() if self.shaft is None else ()
+        bent = self._bent() if self.shaft is None else self._cracked(self.shaft)
         yield from [*self._misplaced(), *bent, *self._clashes()] or self._sizes()
 
     def _misplaced(self) -> Iterator[Fault]:
         """Names used twice, parts off the shaft."""
-        placed = (*self.bodies, *self.all_bearings)
-        for group in (placed, self.cracks, self.shapes):
+        placed: tuple[Any, ...] = (*self.bodies, *self.all_bearings)
+        groups: tuple[tuple[Any, ...], ...] = (placed, self.cracks, self.shapes)
+        for group in groups:
             names = Counter(part.name for part in group)
             for part in group:
                 if names[part.name] > 1:
                     yield f"{part.key}.name", (f"is not its own: the name {part.name!r} is used "
                                                "twice; names must differ.")
+        allowed = (f"the nodes are 0 to {self.nodes - 1}" if self.shaft
+                   else "without a shaft the only node is 0")
         for part in placed:
             if part.node >= self.nodes:
-                allowed = (f"the nodes are 0 to {self.nodes - 1}" if self.shaft
-                           else "without a shaft the only node is 0")
                 yield f"{part.key}.node", f"is {shown(part.node)}, off the shaft; {allowed}."
-        for crack in self.cracks if self.shaft else ():
+
+    def _cracked(self, shaft: Shaft) -> Iterator[Fault]:
+        """Cracks that cannot be in this shaft."""
+        for crack in self.cracks:
             if crack.element >= self.nodes - 1:
                 yield f"{crack.key}.element", (f"is {crack.element}; the shaft's elements are 0 to "
                                                f"{self.nodes - 2}.")
-            elif self.shaft.inner_diameter[crack.element]:
+            elif shaft.inner_diameter[crack.element]:
                 yield f"{crack.key}.element", (f"is {crack.element}, which is hollow; the crack's "
                                                "flexibility is that of a solid shaft.")
 
@@ -328,9 +325,10 @@ class Machine(Part):
     def _clashes(self) -> Iterator[Fault]:
         """What does not go together in the air gap."""
         air, poles, shapes = self.air_gap, self.poles, self.shapes
+        what = "poles" if poles else "shapes"
         if air is None:
             if poles or shapes:
-                yield "poles" if poles else "shapes", "needs an air gap; add [air_gap]."
+                yield what, "needs an air gap; add [air_gap]."
             return
         names = [body.name for body in self.bodies]
         if air.body not in names:
@@ -342,54 +340,42 @@ class Machine(Part):
                                    "the shapes.")
         if air.linear and (poles or shapes):
             yield "air_gap.linear", ("is true, which is the pull of design tools in a round gap; "
-                                     f"leave out {'poles' if poles else 'shapes'} or "
-                                     "air_gap.linear.")
-        total = sum(abs(shape.size) for shape in shapes)
-        if total >= air.gap:
+                                     f"leave out {what} or air_gap.linear.")
+        if (total := sum(abs(shape.size) for shape in shapes)) >= air.gap:
             yield "shapes", (f"add up to {total:g} m; together they must be smaller than "
                              f"air_gap.gap, {air.gap:g} m.")
 
     def _sizes(self) -> Iterator[Fault]:
-        """Sizes that cannot belong to one machine: one of the two is in another unit."""
-        air, shaft = self.air_gap, self.shaft
-        if air:
+        """Sizes that cannot belong to one machine: one of two numbers is in another unit."""
+        if air := self.air_gap:
             rotor = self.body(air.body)
             if rotor.gyration > BEYOND_GAP * air.mean_radius:
-                yield f"{rotor.key}.mass", (
-                    f"is {rotor.mass:g} kg and {rotor.key}.Ip {rotor.Ip:g} kg m^2, a radius of "
-                    f"gyration of {rotor.gyration:.3g} m; the rotor turns within "
-                    f"air_gap.mean_radius, {air.mean_radius:g} m, so one of them is in another "
-                    "unit.")
+                yield f"{rotor.key}.mass", rotor.heavy(
+                    f"the rotor turns within air_gap.mean_radius, {air.mean_radius:g} m")
             if (eccentricity := rotor.unbalance / rotor.mass) > HEAVY * air.gap:
                 yield f"{rotor.key}.unbalance", (
                     f"is {rotor.unbalance:g} kg m, {eccentricity:.3g} m times the mass; that must "
                     f"be at most {HEAVY} times air_gap.gap, {air.gap:g} m.")
-        if shaft:
-            if shaft.diameter.max() > LONG * shaft.length:
-                yield "shaft.diameter", (f"is {shaft.diameter.max():g} m; the shaft is "
-                                         f"{shaft.length:g} m long and may be at most {LONG} times "
-                                         "as thick.")
-            for body in self.bodies:
-                if abs(body.offset) > LONG * shaft.length:
-                    yield f"{body.key}.offset", (f"is {body.offset:g} m; the shaft is "
-                                                 f"{shaft.length:g} m long and a body may be at "
-                                                 f"most {LONG} times that from its node.")
-        for pads in self.pad_bearings:
-            known = shaft or air
-            room, what = ((LOOSE * self._thickness(pads.node), "a tenth of shaft.diameter there")
-                          if shaft else (air.gap, "air_gap.gap") if air else (math.inf, ""))
-            if known and abs(pads.clearance) > room:
-                yield f"{pads.key}.clearance", (f"is {pads.clearance:g} m; it must be at most "
-                                                f"{what}, {room:g} m.")
-        for film in self.films if shaft else ():
-            if film.journal_radius > WIDE * self._thickness(film.node):
-                yield f"{film.key}.journal_radius", (
-                    f"is {film.journal_radius:g} m; it must be at most {WIDE} times shaft.diameter "
-                    f"there, {self._thickness(film.node):g} m.")
+        for key, length, most, what in self._lengths():
+            if abs(length) > most:
+                yield key, f"is {length:g} m; it must be at most {what}, {most:g} m."
 
-    def _thickness(self, node: int) -> float:
-        """Diameter of the shaft at a node, the thicker of its two elements, m."""
-        return float(self.shaft.diameter[max(node - 1, 0):node + 1].max())
+    def _lengths(self) -> Iterator[tuple[str, float, float, str]]:
+        """Keys of lengths, the lengths, m, and what they may be at most, m and in words."""
+        if shaft := self.shaft:
+            most, what = LONG * shaft.length, f"{LONG} times the shaft's {shaft.length:g} m"
+            yield "shaft.diameter", float(shaft.diameter.max()), most, what
+            for body in self.bodies:
+                yield f"{body.key}.offset", body.offset, most, what
+            for film in self.films:
+                yield (f"{film.key}.journal_radius", film.journal_radius,
+                       WIDE * shaft.thickness(film.node), f"{WIDE} times shaft.diameter there")
+            for pads in self.pad_bearings:
+                yield (f"{pads.key}.clearance", pads.clearance,
+                       LOOSE * shaft.thickness(pads.node), f"{LOOSE:g} times shaft.diameter there")
+        elif air := self.air_gap:
+            for pads in self.pad_bearings:
+                yield f"{pads.key}.clearance", pads.clearance, air.gap, "air_gap.gap"
 
     @property
     def all_bearings(self) -> tuple[Bearing, ...]:
@@ -475,8 +461,9 @@ class Machine(Part):
 
         # all at once, so that numbers which must agree can change together
         values = {f.name: getattr(self, f.name) for f in fields(self)}
-        parts = {name: renewed(value) if isinstance(value, Part) else tuple(map(renewed, value))
-                 for name, value in values.items() if isinstance(value, (Part, tuple))}
+        parts: dict[str, Any] = {
+            name: renewed(value) if isinstance(value, Part) else tuple(map(renewed, value))
+            for name, value in values.items() if isinstance(value, (Part, tuple))}
         return replace(self, **parts, **new.get("", {})) if changes else self
 
     def __str__(self) -> str:
@@ -503,7 +490,7 @@ def require_machine(machine: Any) -> None:
                        "load_machine returns.")
 
 
-def _row(key: str, value: Any, what: Number, entry: Entry | None) -> Sequence[str]:
+def _row(key: str, value: Any, held: Held, entry: Entry | None) -> Sequence[str]:
     """Key, quantity, source and note of a number as it is printed; nothing for a zero that nobody
     stated.
     """
@@ -511,5 +498,5 @@ def _row(key: str, value: Any, what: Number, entry: Entry | None) -> Sequence[st
         return key, entry.quantity, entry.source, entry.note
     if entry is None and not np.any(value):
         return ()
-    now = quantity(simplest(value), what.unit)
+    now = quantity(simplest(value), held.unit)
     return (key, now, "changed", f"the card says {entry.quantity}") if entry else (key, now, "", "")

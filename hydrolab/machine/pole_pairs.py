@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.machine.pull import ForceLaw, Linear, Wave, quiet
-from hydrolab.machine.quantities import Choice, Fault, Part, Whole, declare, number_field
+from hydrolab.machine.quantities import Fault, Part, choice_field, number_field, whole_field
 
 # of the series to third order: a_n w² (1 + w)ⁿ as a polynomial in ρ²
 KEPT = {1: (1, 1, 1), 3: (2, 0, 0), 5: (1, 0, 0)}
@@ -107,33 +107,28 @@ class PolePairPull(ForceLaw):
 class Poles(Part):
     """The poles of the field, whose pull beats with twice the electrical frequency (`PolePairPull`,
     `ShapedPull`).
-
-    pole_pairs: p. electrical_ratio: electrical over mechanical angle; 0 stands for p, a synchronous
-    machine. pole_angle: electrical angle of the field's peak from z at phase 0, rad. backward,
-    backward_angle: the wave that turns backward where the phases are out of balance, over the
-    forward one, and its angle, rad. stator_mmf, load_angle: the stator's wave of magnetomotive
-    force over the rotor's, whose field is B0, and its electrical angle behind it, rad. series:
-    "whole", or "published" for the permeance cut at its third order.
     """
 
     table = "poles"
-    pole_pairs: int = declare(Whole("pole pairs of the field", 20, least=1, most=100,
-                                    why="leave out [poles] for a constant field"))
+    pole_pairs: int = whole_field("pole pairs p of the field", 20, least=1, most=100,
+                                  why="leave out [poles] for a constant field")
     electrical_ratio: float = number_field("1", "electrical over mechanical angle; 0 stands for "
                                            "pole_pairs, a synchronous machine", least=0,
-                                           default=0.0, example=(20, "1"))
+                                           default=0.0, example=20)
     pole_angle: float = number_field("rad", "electrical angle of the field's peak from z at phase "
                                      "0", default=0.0, example=(90, "deg"))
-    backward: float = number_field("1", "wave that turns backward, over the forward one", least=0,
-                                   default=0.0, example=(5, "%"))
+    backward: float = number_field("1", "wave that turns backward where the phases are out of "
+                                   "balance, over the forward one", least=0, default=0.0,
+                                   example=(5, "%"))
     backward_angle: float = number_field("rad", "angle of the backward wave", default=0.0,
-                                         example=(0.4, "rad"))
+                                         example=0.4)
     stator_mmf: float = number_field("1", "wave of magnetomotive force of the stator, over the "
-                                     "rotor's", least=0, default=0.0, example=(80, "%"))
+                                     "rotor's, whose field is B0", least=0, default=0.0,
+                                     example=(80, "%"))
     load_angle: float = number_field("rad", "electrical angle of the stator's wave behind the "
                                      "rotor's", default=0.0, example=(60, "deg"))
-    series: str = declare(Choice("the whole permeance, or cut at its third order as published",
-                                 "whole", options=("whole", "published")), "whole")
+    series: str = choice_field("the whole permeance, or cut at its third order as published",
+                               "whole", "published", default="whole")
 
     def disagreements(self) -> Iterator[Fault]:
         """The stator's wave goes without a cut series."""

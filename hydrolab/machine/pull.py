@@ -37,6 +37,8 @@ class ForceLaw:
     6. `coordinates` is c. The first two of a law in the air gap are the eccentricity (x, z), m.
     7. A law in the air gap has a field `gap`, its nominal gap, m; any other says
        `gap = math.inf`. Where the gap is not round, it writes `narrowest`.
+    8. Its table in a card is a `Part` beside the law and a field of `parts.Machine`; `model.attach`
+       (or `model.air_gap_law`) makes the law of it and gives the rows of its coordinates.
     """
 
     moving: bool = False

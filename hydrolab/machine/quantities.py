@@ -2,7 +2,7 @@
 
 A part is a frozen dataclass over `Part` whose fields say what they hold, one line a field:
 `mass: float = number_field("kg", "mass", above=0, example=(110, "t"))`. Checks, the tables of a
-card, its units, `vary`, what a machine prints and the page of all keys are read from that. Below
+card, its units, `vary`, what a machine prints and the list of all keys are read from that. Below
 are the checks themselves, each with a sentence, and the record of where a card's number comes from.
 """
 
@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields
-from functools import cache
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -33,6 +33,7 @@ UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "1": {"1": (1, 1), "%": (1, 100)},
 }  # SI unit → accepted → (a, b), SI value = value · a / b; others are accepted in SI only
 
+Read = Callable[[str, Any], Any]  # key and value → what the part holds; raises BadInput
 Fault = tuple[str, str]  # the dotted key of what is wrong, and the sentence about it
 
 
@@ -55,189 +56,90 @@ class BadParts(BadInput):
 
 
 @dataclass(frozen=True)
-class Text:
-    """A field of one line of text, such as a name.
+class Held:
+    """What a field of a part holds.
 
-    meaning: in words. example: as a card may state it. stated: whether a card must state it even
-    where the part has a default.
+    meaning, limits: in words. read: makes what the part holds of what is given. example: as a card
+    may state it, a number with its unit. unit: SI, or "" for what is no number. stated: whether a
+    card must state it even where the part has a default.
     """
 
     meaning: str
-    example: Any = ""
+    read: Read
+    limits: str
+    example: Any
+    unit: str = ""
     stated: bool = False
-
-    @property
-    def limits(self) -> str:
-        """What is allowed, in words."""
-        return "text of 1 to 80 characters"
-
-    def check(self, key: str, value: Any) -> Any:
-        """Return the value as the part holds it, or raise BadInput with a sentence on the key."""
-        return nickname(key, value)
-
-
-@dataclass(frozen=True)
-class Prose(Text):
-    """A field of free text, kept on one line."""
-
-    limits: ClassVar[str] = "text without control characters"
-
-    def check(self, key: str, value: Any) -> str:
-        """Return the text on one line."""
-        # what is not printable could steer a terminal
-        if not isinstance(value, str) or not all(c.isprintable() or c.isspace() for c in value):
-            raise BadInput(f"{key} is {shown(value)}; it must be {self.limits}.")
-        return " ".join(value.split())
-
-
-@dataclass(frozen=True)
-class Choice(Text):
-    """A field that is one of a few words."""
-
-    options: tuple[str, ...] = ()
-
-    @property
-    def limits(self) -> str:
-        """The words, apart by commas."""
-        return ", ".join(self.options)
-
-    def check(self, key: str, value: Any) -> str:
-        """Return the word if it is one of them."""
-        if not isinstance(value, str) or value not in self.options:
-            raise BadInput(f"{key} is {shown(value)}; it must be one of {self.limits}.")
-        return value
-
-
-@dataclass(frozen=True)
-class Flag(Text):
-    """A field that is true or false."""
-
-    limits: ClassVar[str] = "true or false"
-
-    def check(self, key: str, value: Any) -> bool:
-        """Return the value if it is a bool."""
-        if not isinstance(value, bool):
-            raise BadInput(f"{key} is {shown(value)}; it must be true or false.")
-        return value
-
-
-@dataclass(frozen=True)
-class Whole(Text):
-    """A field that counts something, from least to most. why: the reason, in a few words."""
-
-    least: int = 0
-    most: float = math.inf
-    why: str = ""
-
-    @property
-    def limits(self) -> str:
-        """From least to most."""
-        return f"a whole number {_span(self.least, self.most)}"
-
-    def check(self, key: str, value: Any) -> int:
-        """Return the value as an int; see `whole`."""
-        return whole(key, value, self.least, self.most, self.why)
-
-
-@dataclass(frozen=True)
-class Number(Text):
-    """A field that holds a number, in SI units; in a card it has a unit and a source.
-
-    unit: SI. above, below: limits that it may not reach; least, most: limits that it may.
-    why: the reason of the upper limit, in a few words.
-    """
-
-    unit: str = "1"
-    above: float = -math.inf
-    least: float = -math.inf
-    below: float = math.inf
-    most: float = math.inf
-    why: str = ""
 
     @property
     def units(self) -> dict[str, tuple[float, float]]:
         """The units that a card may give, the first SI; see `UNITS`."""
         return UNITS.get(self.unit, {self.unit: (1, 1)})
 
-    @property
-    def limits(self) -> str:
-        """The limits with their unit; empty for any number."""
-        said = [f"{words} {quantity(limit, self.unit)}" for words, limit in (
-            ("above", self.above), ("at least", self.least), ("below", self.below),
-            ("at most", self.most)) if math.isfinite(limit)]
-        return ", ".join(said)
 
-    def check(self, key: str, value: Any) -> Any:
-        """Return the value as a float; see `number`."""
-        unit = "" if self.unit == "1" else self.unit
-        return number(key, value, above=self.above, least=self.least, below=self.below,
-                      most=self.most, unit=unit, why=self.why)
+def declare(held: Held, default: Any) -> Any:
+    """Return the dataclass field of a part that holds this."""
+    return field(default=default, metadata={"held": held})
 
 
-class Numbers(Number):
-    """A field that holds a list of numbers."""
+def number_field(unit: str, meaning: str, *, example: Any, default: Any = MISSING,
+                 stated: bool = False, form: Callable[[Read, str, Any], Any] | None = None,
+                 **limits: Any) -> Any:
+    """Declare a number.
 
-    def check(self, key: str, value: Any) -> NDArray:
-        """Return a read-only vector, each entry checked."""
-        if isinstance(value, (str, Mapping)) or not np.iterable(value):
-            raise BadInput(f"{key} is {shown(value)}; it must be a list of numbers.")
-        return frozen(np.array([super(Numbers, self).check(f"{key}[{i}]", v)
-                                for i, v in enumerate(value)]))
-
-
-class PerElement(Numbers):
-    """A field that holds one number, or one for each element of the shaft."""
-
-    def check(self, key: str, value: Any) -> Any:
-        """Return a float or a read-only vector; the shaft knows how long it must be."""
-        many = np.iterable(value) and not isinstance(value, (str, Mapping))
-        return (Numbers if many else Number).check(self, key, value)
-
-
-class Pair(Number):
-    """A field that holds two numbers; one stands for both."""
-
-    def check(self, key: str, value: Any) -> tuple[float, float]:
-        """Return both, each checked."""
-        one = not np.iterable(value) or isinstance(value, (str, Mapping))
-        checked = [super(Pair, self).check(key, v) for v in ((value, value) if one else value)]
-        if len(checked) != 2:
-            raise BadInput(f"{key} has {len(checked)} entries; give one number or two.")
-        return checked[0], checked[1]
-
-
-class Matrix(Number):
-    """A field that holds a 2 × 2 matrix in (x, z); see `bearing_matrix`."""
-
-    def check(self, key: str, value: Any) -> NDArray:
-        """Return the read-only matrix; of what is stated, only the direct entries have a limit."""
-        return bearing_matrix(key, value, self.unit)
-
-
-def number_field(unit: str, meaning: str, *, default: Any = MISSING, holds: type[Number] = Number,
-                 **said: Any) -> Any:
-    """Declare a number of a part: a dataclass field.
-
-    unit: SI. meaning: in words. default: where a part may leave it out. holds: `Number` or another
-    form of it. said: the limits, the example and the other fields of `Number`.
+    unit: SI. meaning: in words. example: a value, or a value and its unit. default: where a part
+    may leave it out. stated: see `Held`. form: of a list or a matrix, such as `vector`. limits: as
+    `number` takes them.
     """
-    return declare(holds(meaning, unit=unit, **said), default)
+    one = partial(number, unit="" if unit == "1" else unit, **limits)
+    words = {"above": "above", "least": "at least", "below": "below", "most": "at most"}
+    said = ", ".join(f"{words[k]} {quantity(limits[k], unit)}" for k in words if k in limits)
+    example = example if isinstance(example, tuple) else (example, unit)
+    return declare(Held(meaning, partial(form, one) if form else one, said, example, unit, stated),
+                   default)
 
 
-def declare(what: Text, default: Any = MISSING) -> Any:
-    """Declare a field of a part: a dataclass field that says what it holds."""
-    return field(default=default, metadata={"holds": what})
+def text_field(meaning: str, example: str, default: Any = MISSING) -> Any:
+    """Declare a name; where it has a default, free text, kept on one line."""
+    return declare(Held(meaning, nickname, "text of 1 to 80 characters", example)
+                   if default is MISSING else Held(meaning, prose, "text", example), default)
 
 
-@cache
-def declared(kind: type[Part]) -> dict[str, Text]:
+def choice_field(meaning: str, *options: str, default: Any = MISSING, stated: bool = False) -> Any:
+    """Declare one of a few words."""
+    def read(key: str, value: Any) -> str:
+        if not isinstance(value, str) or value not in options:
+            raise BadInput(f"{key} is {shown(value)}; it must be one of {', '.join(options)}.")
+        return value
+
+    return declare(Held(meaning, read, ", ".join(options), options[0], stated=stated), default)
+
+
+def flag_field(meaning: str) -> Any:
+    """Declare what is true or false, and false where nothing is said."""
+    def read(key: str, value: Any) -> bool:
+        if not isinstance(value, bool):
+            raise BadInput(f"{key} is {shown(value)}; it must be true or false.")
+        return value
+
+    return declare(Held(meaning, read, "true or false", True), False)
+
+
+def whole_field(meaning: str, example: int, **limits: Any) -> Any:
+    """Declare a count; limits: as `whole` takes them."""
+    span = {"least": 0, **limits}
+    words = f"a whole number {_span(span['least'], span.get('most', math.inf))}"
+    return declare(Held(meaning, partial(whole, **span), words, example), MISSING)
+
+
+def declared(kind: type[Part]) -> dict[str, Held]:
     """What each declared field of a kind of part holds, by its name, in the order of the class."""
-    return {f.name: f.metadata["holds"] for f in fields(kind) if "holds" in f.metadata}
+    return {f.name: f.metadata["held"] for f in fields(kind) if "held" in f.metadata}
 
 
-def numbers_of(kind: type[Part]) -> dict[str, Number]:
+def numbers_of(kind: type[Part]) -> dict[str, Held]:
     """The declared fields that hold numbers."""
-    return {name: what for name, what in declared(kind).items() if isinstance(what, Number)}
+    return {name: held for name, held in declared(kind).items() if held.unit}
 
 
 def dotted(key: str, name: str) -> str:
@@ -249,10 +151,11 @@ def checked(kind: type[Part], key: str, values: Mapping[str, Any]) -> tuple[dict
     """Return the values of declared fields as the part holds them, and the faults of the others."""
     good: dict[str, Any] = {}
     faults: list[Fault] = []
+    held = declared(kind)
     for name, value in values.items():
         own = dotted(key, name)
         try:
-            good[name] = declared(kind)[name].check(own, value)
+            good[name] = held[name].read(own, value)
         except BadInput as error:
             faults.append((own, str(error)))
     return good, faults
@@ -274,9 +177,9 @@ class Part:
     noun: ClassVar[str] = "a part"
 
     def __post_init__(self) -> None:
-        if "name" in declared(type(self)):
-            nickname(f"the name of {self.noun}", vars(self)["name"])
         names = declared(type(self))
+        if "name" in names:  # it is in the key of the others
+            nickname(f"the name of {self.noun}", vars(self)["name"])
         good, faults = checked(type(self), self.key, {n: getattr(self, n) for n in names})
         for name, value in good.items():
             object.__setattr__(self, name, value)
@@ -323,6 +226,13 @@ def nickname(key: str, value: Any) -> str:
     return value
 
 
+def prose(key: str, value: Any) -> str:
+    """Return free text on one line, without what could steer a terminal."""
+    if not isinstance(value, str) or not all(c.isprintable() or c.isspace() for c in value):
+        raise BadInput(f"{key} is {shown(value)}; it must be text without control characters.")
+    return " ".join(value.split())
+
+
 def number(key: str, value: Any, *, above: float = -math.inf, least: float = -math.inf,
            below: float = math.inf, most: float = math.inf, unit: str = "", why: str = "") -> float:
     """Return value as a float, or say in a sentence why it is not allowed for this key.
@@ -333,20 +243,20 @@ def number(key: str, value: Any, *, above: float = -math.inf, least: float = -ma
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise BadInput(f"{key} is {shown(value)}; it must be a "
                        f"number{f' in{unit}' if unit else ''}.")
-    if value != value or abs(value) == math.inf:
+    if value != value or value in (math.inf, -math.inf):
         raise BadInput(f"{key} is {value}; it must be a finite number.")
-    if abs(value) > LARGEST or (above == 0 and 0 < value < SMALLEST):
+    if not -LARGEST <= value <= LARGEST or (above == 0 and 0 < value < SMALLEST):
         raise BadInput(f"{key} is {shown(value)}{unit}; its size must lie between {SMALLEST:g} and "
                        f"{LARGEST:g}{unit}.")
-    value = float(value)
-    for wrong, words, limit in ((value <= above, "larger than", above),
-                                (value < least, "at least", least),
-                                (value >= below, "smaller than", below),
-                                (value > most, "at most", most)):
+    given = float(value)
+    reason = f" ({why})" if why else ""
+    for wrong, must in ((given <= above, f"larger than {above:g}{unit}"),
+                        (given < least, f"at least {least:g}{unit}"),
+                        (given >= below, f"smaller than {below:g}{unit}{reason}"),
+                        (given > most, f"at most {most:g}{unit}{reason}")):
         if wrong:
-            reason = f" ({why})" if why and limit in (below, most) else ""
-            raise BadInput(f"{key} is {value:g}{unit}; it must be {words} {limit:g}{unit}{reason}.")
-    return value
+            raise BadInput(f"{key} is {given:g}{unit}; it must be {must}.")
+    return given
 
 
 def _span(least: float, most: float) -> str:
@@ -390,7 +300,29 @@ def frozen(array: NDArray) -> NDArray:
     return array
 
 
-def bearing_matrix(key: str, value: ArrayLike, unit: str) -> NDArray:
+def vector(one: Read, key: str, value: Any) -> NDArray:
+    """Return a list as a read-only vector, each entry read by `one`."""
+    if isinstance(value, (str, Mapping)) or not np.iterable(value):
+        raise BadInput(f"{key} is {shown(value)}; it must be a list of numbers.")
+    return frozen(np.array([one(f"{key}[{i}]", v) for i, v in enumerate(value)]))
+
+
+def per_element(one: Read, key: str, value: Any) -> Any:
+    """Return one number, or a vector of one for each element of the shaft."""
+    many = np.iterable(value) and not isinstance(value, (str, Mapping))
+    return vector(one, key, value) if many else one(key, value)
+
+
+def pair(one: Read, key: str, value: Any) -> tuple[float, float]:
+    """Return two numbers; one stands for both."""
+    alone = not np.iterable(value) or isinstance(value, (str, Mapping))
+    read = [one(key, v) for v in ((value, value) if alone else value)]
+    if len(read) != 2:
+        raise BadInput(f"{key} has {len(read)} entries; give one number or two.")
+    return read[0], read[1]
+
+
+def bearing_matrix(one: Read, key: str, value: ArrayLike) -> NDArray:
     """Return the 2 × 2 matrix in (x, z) of a scalar (isotropic), two diagonal entries, or 2 × 2.
 
     Raises BadInput for what is none of them, a negative direct entry, and a table of speeds.
@@ -401,16 +333,16 @@ def bearing_matrix(key: str, value: ArrayLike, unit: str) -> NDArray:
         rows = [[rows[0], 0.0], [0.0, rows[1]]]
     if len(rows) != 2 or any(not isinstance(row, (list, tuple)) or len(row) != 2 for row in rows):
         raise BadInput(f"{key} is {shown(value)}; it must be one number, two numbers [x, z] or a "
-                       f"2 by 2 matrix [[xx, xz], [zx, zz]], in {unit}.")
-    array = np.array([[number(key, entry, unit=unit) for entry in row] for row in rows])
-    if min(array[0, 0], array[1, 1]) < 0:
-        raise BadInput(f"{key} has a negative direct entry, {min(array[0, 0], array[1, 1]):g} "
-                       f"{unit}; direct entries must be at least 0 {unit}.")
+                       "2 by 2 matrix [[xx, xz], [zx, zz]].")
+    array = np.array([[one(key, entry) for entry in row] for row in rows])
     (xx, xz), (zx, zz) = array.tolist()
+    if min(xx, zz) < 0:
+        raise BadInput(f"{key} has a negative direct entry, {min(xx, zz):g}; direct entries must "
+                       "be at least 0.")
     if 0 <= xx < zx and TABLE * zx < min(xz, zz):
         raise BadInput(f"{key} is {shown(value)}: as a matrix its direct entries are {xx:g} and "
-                       f"{zz:g} {unit}. It looks like a table over the speed, which a linear "
-                       "bearing does not take; give the matrix at the rated speed.")
+                       f"{zz:g}. It looks like a table over the speed, which a linear bearing does "
+                       "not take; give the matrix at the rated speed.")
     return frozen(array)
 
 

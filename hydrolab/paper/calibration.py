@@ -32,6 +32,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import qmc
 
@@ -158,20 +159,27 @@ def build(free: Mapping[str, float], bearing_depth: float, unbalance: float,
     )
 
 
+def depths(machine: Machine) -> NDArray:
+    """Depths of the nodes of the unit's shaft, m."""
+    if machine.shaft is None:
+        raise BadInput(f"{machine.name} has no shaft; a member of the family has one.")
+    return machine.shaft.nodes
+
+
 def member_of(machine: Machine, reading: str) -> Member:
     """The member that a machine built by `build` is: its free data read back from its parts."""
-    generator, turbine = machine.body("generator"), machine.body("turbine")
+    generator, turbine, nodes = machine.body("generator"), machine.body("turbine"), depths(machine)
     total = generator.unbalance + turbine.unbalance
     free = {"generator_mass": generator.mass,
             "generator_gyration": math.sqrt(generator.Ip / generator.mass) / ROTOR_RADIUS,
             "generator_shape": generator.Id / generator.Ip, "turbine_mass": turbine.mass,
             "turbine_gyration": math.sqrt(turbine.Ip / turbine.mass),
             "turbine_shape": turbine.Id / turbine.Ip,
-            "turbine_offset": turbine.offset, "thrust_depth": float(machine.shaft.nodes[6]),
-            "turbine_bearing_depth": float(machine.shaft.nodes[11]),
+            "turbine_offset": turbine.offset, "thrust_depth": float(nodes[6]),
+            "turbine_bearing_depth": float(nodes[11]),
             "unbalance_share": generator.unbalance / total,
             "unbalance_phase": turbine.phase - generator.phase}
-    return Member(-1, reading, free, float(machine.shaft.nodes[1]), total,
+    return Member(-1, reading, free, float(nodes[1]), total,
                   first_fold(machine.model()))
 
 
@@ -336,7 +344,7 @@ def judge_member(member: Member) -> Verdicts:
         study = run_study(member.machine())
         if study.interrupted:
             raise KeyboardInterrupt  # half a study is no verdict
-        return Verdicts(member, study.kind, {c.id: c.holds for c in judge(study)},
+        return Verdicts(member, study.kind, {c.id: bool(c.holds) for c in judge(study)},
                         tuple(f.value for f in study.branch.folds), study.first_loss,
                         stable_reach(study))
     except (BadInput, NoConvergence, Contact) as error:
@@ -413,10 +421,11 @@ def ship(member: Member, path: Path) -> Member:
     """Write a member as the card `kaplan-150rpm`, its free data rounded to four digits and
     calibrated anew.
     """
-    member = calibrate({key: rounded(value) for key, value in member.free.items()}, member.reading,
-                       member.number)
-    if isinstance(member, str):
-        raise BadInput(f"the rounded member cannot be calibrated: {member}.")
+    found = calibrate({key: rounded(value) for key, value in member.free.items()}, member.reading,
+                      member.number)
+    if isinstance(found, str):
+        raise BadInput(f"the rounded member cannot be calibrated: {found}.")
+    member = found
     machine, card = member.machine(), read_card(FAMILY_CARD)
 
     def put(table: dict[str, Any], key: str, value: Any, unit: str, note: str = "") -> None:
@@ -428,7 +437,7 @@ def ship(member: Member, path: Path) -> Member:
         f"and not the paper's: member {member.number} of the family of hydrolab.paper.calibration, "
         f"with 200 µm counted {member.reading}, chosen because it agrees with most claims of the "
         "paper.")
-    put(card["shaft"], "nodes", [rounded(y, 7) for y in machine.shaft.nodes], "m",
+    put(card["shaft"], "nodes", [rounded(y, 7) for y in depths(machine)], "m",
         "12 elements and 9.04 m: paper; guide bearing at node 1: puts the first fold at 8.925 %; "
         "thrust bearing at node 6 and turbine bearing at node 11: drawn")
     for table, body in zip(card["bodies"], machine.bodies, strict=True):

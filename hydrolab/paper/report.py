@@ -53,7 +53,7 @@ def machine_record(study: Study) -> dict[str, Any]:
         "bearings": [none | part_record(bearing)
                      for bearing in (*machine.bearings, *machine.thrust_bearings)],
         "damping": {**ratio, "alpha": alpha, "beta": beta},
-        "air_gap": part_record(machine.air_gap)}
+        "air_gap": part_record(machine.air_gap) if machine.air_gap else None}
     # what the paper's machine does not have, where there is some
     for key in ("pad_bearings", "films", "cracks", "shapes"):
         if parts := getattr(machine, key):

@@ -27,7 +27,7 @@ from hydrolab.dynamics.stability import Floquet, branch_stability, floquet_all
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.elements import shaft_element
 from hydrolab.machine.model import Model
-from hydrolab.machine.parts import Machine, Shaft, require_machine
+from hydrolab.machine.parts import AirGap, Machine, Shaft, require_machine
 
 FAMILY_CARD = "kaplan-150rpm"  # the card that stands for the paper's machine
 # the fold the shipped unit is calibrated to; the paper's own percentages lie below it
@@ -136,13 +136,13 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
     def tell(what: str) -> Callable[[int, int], None]:
         return lambda done, of: progress(what, done, of) if progress else None
 
-    check_studied(machine)
+    air = check_studied(machine)
     with threadpool_limits(1):
         model, speed, balance = machine.model(), machine.speed, HarmonicBalance(HARMONICS)
         tell("steady states")(0, 1)
         begin = balance.solve(model, speed)
         method = CentralDifference(stable_steps(model, speed))
-        check_begin(machine, begin)
+        check_begin(begin, air)
         # what the paper could not do: the branch past its folds
         branch = follow(model, speed=speed, to=0.9, start=begin, method=Arclength(balance))
         limit = limit_of(branch)
@@ -173,8 +173,8 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
                      beyond, tuple(zip(there, floquet_all(there), strict=True)), truncation)
 
 
-def check_studied(machine: Machine) -> None:
-    """Raise BadInput for a machine that has nothing to study."""
+def check_studied(machine: Machine) -> AirGap:
+    """Return the air gap of a machine; raises BadInput where it has nothing to study."""
     require_machine(machine)
     if machine.air_gap is None:
         raise BadInput(f"{machine.name} has no air_gap; the study is about the pull in the gap, so "
@@ -186,27 +186,28 @@ def check_studied(machine: Machine) -> None:
                        "its card needs one.")
     if not machine.speed > 0:
         raise BadInput("speed is 0 rad/s; the study needs a turning rotor.")
+    return machine.air_gap
 
 
-def check_begin(machine: Machine, begin: PeriodicOrbit) -> None:
+def check_begin(begin: PeriodicOrbit, air: AirGap) -> None:
     """Raise where the steady state without eccentricity is not there to stay, with what to change.
 
     Where its stability is not known, the study goes on: that is no verdict.
     """
     model = begin.model
     if not model.C.any() and not model.law.moving:
-        raise BadInput(f"{machine.name} has no damping, so its motions never settle; add a "
+        raise BadInput(f"{model.name} has no damping, so its motions never settle; add a "
                        "[damping] table with a ratio, or damping to its bearings.")
     if floquet_all([begin])[0].verdict != "unstable":
         return
     # the pull is to blame only where the machine is stable without it
-    free = HarmonicBalance(HARMONICS).solve(model.with_field(0), machine.speed)
+    free = HarmonicBalance(HARMONICS).solve(model.with_field(0), begin.speed)
     if floquet_all([free])[0].verdict == "unstable":
-        raise NoConvergence(f"{machine.name} has no stable steady state even without field: its "
+        raise NoConvergence(f"{model.name} has no stable steady state even without field: its "
                             "bearings or films drive a whirl. More damping, or less "
                             "cross-coupling (xz against zx), would give one.")
-    raise NoConvergence(f"{machine.name} has no stable steady state even without eccentricity: the "
-                        f"pull, {machine.air_gap.pull_stiffness:.3g} N/m, is too strong for its "
+    raise NoConvergence(f"{model.name} has no stable steady state even without eccentricity: the "
+                        f"pull, {air.pull_stiffness:.3g} N/m, is too strong for its "
                         "bearings and shaft. A lower field or stiffer bearings would give one.")
 
 

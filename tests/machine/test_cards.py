@@ -89,9 +89,8 @@ def test_shipped_cards_load_and_say_where_each_number_comes_from(name):
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_copied_card_is_the_same_machine(name, tmp_path):
     (tmp_path / "my-unit.toml").write_text(card_text(name), encoding="utf-8")
-    assert str(load_machine(tmp_path / "my-unit.toml")) == str(load_machine(str(tmp_path
-                                                                                / "my-unit.toml"))) \
-        == str(load_machine(name))
+    own = tmp_path / "my-unit.toml"
+    assert str(load_machine(own)) == str(load_machine(str(own))) == str(load_machine(name))
 
 
 def test_kaplan_keeps_what_the_paper_states():
@@ -245,7 +244,8 @@ MASS = ["bodies", 0, "mass"]
     (["schema"], 2, ["schema is 2", "this hydrolab reads schema 1"]),
     (["schema"], True, ["schema is True"]),
     (["schema"], "1", ["schema is '1'"]),
-    (["colour"], "red", ["colour = 'red' is not a key of the card", "allowed are name, speed, title"]),
+    (["colour"], "red", ["colour = 'red' is not a key of the card",
+                         "allowed are name, speed, title"]),
 ])
 def test_a_bad_card_gets_one_sentence(path, value, parts):
     sentence = refusal(edited(path, value))
@@ -329,9 +329,11 @@ def test_entries_and_numpy_numbers_can_be_written(tmp_path):
     card["shaft"]["nodes"]["value"] = np.array(card["shaft"]["nodes"]["value"])
     write_card(card, tmp_path / "new.toml")
     text = (tmp_path / "new.toml").read_text(encoding="utf-8")
-    assert r'mass = {value = 1.1e+5, unit = "kg", source = "calibrated", note = "first fold at \"8.925 %\""}' in text
+    assert (r'mass = {value = 1.1e+5, unit = "kg", source = "calibrated", '
+            r'note = "first fold at \"8.925 %\""}') in text
     unit = load_machine(tmp_path / "new.toml")
-    assert str(unit.provenance["bodies.generator.mass"]) == '110000 kg  [calibrated] first fold at "8.925 %"'
+    assert str(unit.provenance["bodies.generator.mass"]) == (
+        '110000 kg  [calibrated] first fold at "8.925 %"')
 
 
 def test_a_bad_card_is_not_written(tmp_path):

@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from hydrolab.machine.bearings import Pads, ShortFilm
 from hydrolab.machine.crack import BreathingCrack, crack_flexibility, stiffness_loss
 from hydrolab.machine.elements import shaft_element
-from hydrolab.machine.pull import CircularPull, ShapedPull, TiltedPull
+from hydrolab.machine.pull import Bulge, CircularPull, ShapedPull, TiltedPull, Wave, shaped_law
 from tests.reference.potentials import potential
 
 G0, HEIGHT = 0.011, 0.97
@@ -19,6 +19,9 @@ UPRIGHT = CircularPull(1.65e8, G0)
 TILTED = TiltedPull(UPRIGHT, HEIGHT)
 OVAL = TiltedPull(ShapedPull(1.65e8, G0, G0 * (1 + 0.1
                                                * np.cos(4 * np.pi * np.arange(128) / 128))), HEIGHT)
+TURNING = TiltedPull(shaped_law(1.65e8, G0, (Bulge(2, 3e-4, 0.4),), (Bulge(3, 2e-4),),
+                                (Wave(2, 1.0, 1.5, 0.3),)), HEIGHT)
+PHASE = 0.8
 PADS = Pads(stiffness=4e8, clearance=1.5e-4, count=8, angle=0.2, rounding=1e-5, reference=1.6e9)
 FILM = ShortFilm(damping=2.3e7, clearance=2e-4, reference=3e8)
 SPEED = 15.7
@@ -34,22 +37,29 @@ def differences(force, at, step):
     return np.stack([(force(at + m) - force(at - m)) / (2 * step) for m in moves], axis=1)
 
 
-@pytest.mark.parametrize("law", [TILTED, OVAL], ids=["circular", "oval"])
+leaning = pytest.mark.parametrize("law", [TILTED, OVAL, TURNING],
+                                  ids=["circular", "oval", "poles and shapes"])
+
+
+@leaning
 def test_a_leaning_rotor_is_pulled_by_the_integral_over_its_height(law):
     for u in LEANS[:, :3].T:
         def at(s, i, u=u):
-            return law.upright.force(u[:2] + s * u[2:])[i]
+            return law.upright.force(u[:2] + s * u[2:], None, PHASE)[i]
         expected = [quad(lambda s, i=i, arm=arm: at(s, i) * s**arm, -HEIGHT / 2, HEIGHT / 2,
                          epsabs=0, epsrel=1e-12)[0]
                     / HEIGHT for arm in (0, 1) for i in (0, 1)]
-        assert np.abs(law.force(u) - expected).max() < 1e-10 * np.abs(expected).max()
+        found = law.force(u, None, PHASE)
+        assert np.abs(found - expected).max() < 1e-10 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("law", [TILTED, OVAL], ids=["circular", "oval"])
+@leaning
 def test_slope_of_the_tilted_pull(law):
-    force, slope, _ = law.linearise(LEANS)
-    assert force == pytest.approx(law.force(LEANS), rel=1e-14)
-    assert np.abs(slope - differences(law.force, LEANS, 1e-7)).max() < 1e-7 * np.abs(slope).max()
+    phases = np.linspace(0, 4, LEANS.shape[1])
+    force, slope, _ = law.linearise(LEANS, None, phases)
+    assert force == pytest.approx(law.force(LEANS, None, phases), rel=1e-13)
+    expected = differences(lambda u: law.force(u, None, phases), LEANS, 1e-7)
+    assert np.abs(slope - expected).max() < 1e-7 * np.abs(slope).max()
 
 
 def test_an_upright_rotor_feels_the_plain_pull():
@@ -71,12 +81,18 @@ def test_tilted_pull_comes_from_its_energy():
     assert np.abs(TILTED.force(LEANS) + gradient).max() < 1e-7 * np.abs(gradient).max()
 
 
-def test_the_smallest_gap_of_a_leaning_rotor_is_at_an_end():
+@leaning
+def test_the_smallest_gap_of_a_leaning_rotor_is_at_an_end(law):
     for u in LEANS.T:
         s = np.linspace(-HEIGHT / 2, HEIGHT / 2, 201)
-        gaps = UPRIGHT.smallest_gap(u[:2, None] + s * u[2:, None])
-        assert TILTED.smallest_gap(u) == pytest.approx(gaps.min(), rel=1e-12)
-        end = u[:2] + s[gaps.argmin()] * u[2:]
+        gaps = law.upright.smallest_gap(u[:2, None] + s * u[2:, None], PHASE)
+        assert law.smallest_gap(u, PHASE) == pytest.approx(gaps.min(), rel=1e-12)
+
+
+def test_the_angle_of_a_leaning_rotor_s_smallest_gap_is_that_of_its_nearer_end():
+    for u in LEANS.T:
+        ends = [u[:2] + s * u[2:] for s in (-HEIGHT / 2, HEIGHT / 2)]
+        end = max(ends, key=np.linalg.norm)
         assert TILTED.gap_angle(u) == pytest.approx(math.atan2(*end), rel=1e-12)
 
 

@@ -62,8 +62,8 @@ def test_numbers_of_the_parts_can_be_varied():
     unit = vary(machine_from_card(faulty_card()),
                 {"cracks.crack.depth": 0.1, "bearings.film.viscosity": 0.05,
                                                    "bearings.guide pads.clearance": 2e-4})
-    assert (unit.cracks[0].depth, unit.films[0].viscosity, unit.pad_bearings[0].clearance) == (0.1,
-                                                                                               0.05, 2e-4)
+    assert (unit.cracks[0].depth, unit.films[0].viscosity) == (0.1, 0.05)
+    assert unit.pad_bearings[0].clearance == 2e-4
     with pytest.raises(BadInput, match="is not a number"):
         vary(unit, {"bearings.guide pads.pads": 9})
 
@@ -106,7 +106,8 @@ def test_slopes_are_those_of_the_shaft():
     ({"film": {"clearance": stated(50, "mm")}}, ["film.clearance is 0.05 m", "tenth", "0.4 m"]),
     ({"film": {"film_length": stated(1.2, "m")}},
      ["film.film_length is 1.2 m", "short film", "0.8 m"]),
-    ({"crack": {"depth": stated(60, "%")}}, ["crack.depth is 0.6", "at most 0.45 (of the diameter"]),
+    ({"crack": {"depth": stated(60, "%")}},
+     ["crack.depth is 0.6", "at most 0.45 (of the diameter"]),
     ({"crack": {"element": 12}}, ["crack.element is 12", "0 to 11"]),
     ({"crack": {"breathing": "always"}}, ["crack.breathing is 'always'", "hinge, open"]),
     ({"crack": {"breathing": 1}}, ["crack.breathing is 1", "one of hinge, open"]),

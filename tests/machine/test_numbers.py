@@ -21,15 +21,7 @@ from hydrolab.machine.cards import (
     read_card,
 )
 from hydrolab.machine.parts import Machine
-from hydrolab.machine.quantities import (
-    Number,
-    Part,
-    Text,
-    declare,
-    declared,
-    number_field,
-    numbers_of,
-)
+from hydrolab.machine.quantities import Part, declared, number_field, numbers_of, text_field
 from tests.machines import MACHINES
 
 UNIT = load_machine("kaplan-150rpm")
@@ -51,7 +43,7 @@ def refusal(card):
 @dataclass(frozen=True)
 class Spring(Part):
     table, noun = "springs", "a spring"
-    name: str = declare(Text("what it is called"))
+    name: str = text_field("what it is called", "a spring")
     rate: float = number_field("N/m", "its rate", above=0, below=1e3, example=(5, "N/m"))
     length: float = number_field("m", "its length", least=0, default=1.0, example=(5, "mm"))
 
@@ -136,7 +128,7 @@ def test_every_kind_of_part_declares_all_its_fields():
     for kind in (*ALONE, *SEVERAL, *BEARINGS):
         assert list(declared(kind)) == [f.name for f in fields(kind)], kind
         for holds in numbers_of(kind).values():
-            assert isinstance(holds, Number) and holds.example[1] in holds.units, holds
+            assert holds.example[1] in holds.units, holds
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -223,22 +215,23 @@ FILM = JournalFilm("film", 1, 0.03, 0.4, 0.25, 2e-4)
     (lambda: vary(UNIT, {"bodies.generator.mass": 3000, "bodies.generator.unbalance": 0}),
      ["bodies.generator.mass is 3000 kg", "gyration of 11.3 m", "air_gap.mean_radius, 2.9945 m"]),
     (lambda: vary(UNIT, {"bodies.turbine.mass": 31.3}), ["31.3 kg", "gyration of 29.5 m", "20 m"]),
-    (lambda: vary(UNIT, {"shaft.diameter": 710}), ["shaft.diameter is 710 m", "9.04 m long"]),
+    (lambda: vary(UNIT, {"shaft.diameter": 710}),
+     ["shaft.diameter is 710 m", "5 times the shaft's 9.04 m"]),
     (lambda: vary(UNIT, {"bodies.generator.offset": -472}),
-     ["bodies.generator.offset is -472 m", "9.04 m long"]),
+     ["bodies.generator.offset is -472 m", "5 times the shaft's 9.04 m"]),
     (lambda: vary(UNIT, {"air_gap.field": 5000}), ["air_gap.field is 5000 T", "100 T", "iron"]),
     (lambda: vary(UNIT, {"bodies.generator.unbalance": 0.7 * 119e3}),
      ["unbalance is 83300 kg m", "0.7 m times the mass", "5 times air_gap.gap, 0.011 m"]),
     (lambda: vary(UNIT, {"bodies.turbine.unbalance": 1e5}),
      ["unbalance is 100000 kg m", "3.19 m times the mass", "gyration, 0.932 m"]),
     (lambda: replace(UNIT, pad_bearings=(PadBearing("pads", 1, 8, 1e8, 1.0),)),
-     ["bearings.pads.clearance is 1 m", "a tenth of shaft.diameter there, 0.071 m"]),
+     ["bearings.pads.clearance is 1 m", "0.1 times shaft.diameter there, 0.071 m"]),
     (lambda: replace(load_machine("jeffcott"),
                      pad_bearings=(PadBearing("pads", 0, 8, 1e8, 1.0),)),
      ["bearings.pads.clearance is 1 m", "air_gap.gap, 0.011 m"]),
     (lambda: replace(UNIT, films=(replace(FILM, journal_radius=400, film_length=250,
                                           clearance=0.2),)),
-     ["bearings.film.journal_radius is 400 m", "shaft.diameter there, 0.71 m"]),
+     ["bearings.film.journal_radius is 400 m", "5 times shaft.diameter there, 3.55 m"]),
     (lambda: vary(UNIT, {"bearings.turbine guide bearing.stiffness": [[100, 1e9], [150, 1.2e9]]}),
      ["stiffness is [[100", "table over the speed"]),
 ])

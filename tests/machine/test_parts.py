@@ -160,7 +160,8 @@ def test_number_returns_a_float_or_one_sentence(value):
                                    {"a": [10**9999]},
                                    "a\nb\u2028c\x1b[2J"])
 def test_whatever_is_shown_is_short_and_on_one_line(value):
-    assert len(shown(value)) <= 120 and len(shown(value).splitlines()) == 1 and "\x1b" not in shown(value)
+    text = shown(value)
+    assert len(text) <= 120 and len(text.splitlines()) == 1 and "\x1b" not in text
 
 
 def test_a_machine_made_in_python_prints_its_numbers():
