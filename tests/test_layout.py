@@ -80,8 +80,8 @@ def imports(module: str, tree: ast.Module, *, deferred: bool = True) -> set[str]
                 inner = f"{base}.{alias.name}"
                 found.add(inner if inner in MODULES or (ROOT / inner.replace(".", "/")).is_dir()
                           else base)
-        elif deferred or not (isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
-                              or is_for_types(node)):
+        elif not is_for_types(node) and (deferred or not isinstance(
+                node, ast.FunctionDef | ast.AsyncFunctionDef)):
             nodes += ast.iter_child_nodes(node)
     return {name for name in found if name.split(".")[0] == "hydrolab"}
 

@@ -25,13 +25,13 @@ from hydrolab.dynamics.branches import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import PERIOD, long_axis, synthesise
 from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.machine.cards import vary
-from hydrolab.machine.parts import Machine
 from hydrolab.machine.pull import CircularPull
 from hydrolab.machine.quantities import number
 
 if TYPE_CHECKING:
     import xarray
+
+    from hydrolab.machine.parts import Machine
 
 ECCENTRICITY = "static_eccentricity"
 READINGS = {
@@ -96,10 +96,11 @@ def steady_row(machine: Machine, eccentricities: NDArray, harmonics: int = 4) ->
 def _row_of_machines(machine: Machine, changes: Mapping[str, Any], x: str, values: NDArray,
                      eccentricity: float) -> dict[str, NDArray]:
     """One row of a map: the machine with `changes`, along the x axis."""
-    machine = vary(machine, changes)
+    machine = machine.with_numbers(changes)
     if x == ECCENTRICITY:
         return steady_row(machine, values)
-    cells = [steady_row(vary(machine, {x: value}), np.array([eccentricity])) for value in values]
+    machines = [machine.with_numbers({x: value}) for value in values]
+    cells = [steady_row(each, np.array([eccentricity])) for each in machines]
     return {name: np.concatenate([cell[name] for cell in cells]) for name in cells[0]}
 
 
@@ -132,7 +133,7 @@ def steady_map(machine: Machine, x: str, x_values: ArrayLike, y: str, y_values: 
             raise BadInput(f"{name} must be a list of finite numbers, at least one.")
     for key, values in ((x, x_values), (y, y_values)):
         for value in values if key != ECCENTRICITY else ():
-            vary(machine, {key: float(value)})  # refuse now what a row would refuse later
+            machine.with_numbers({key: float(value)})  # refuse now what a row would refuse later
     offsets = x_values if x == ECCENTRICITY else np.array([number("eccentricity", eccentricity)])
     if (largest := float(np.abs(offsets).max())) >= 1:
         raise BadInput(f"{'x_values has' if x == ECCENTRICITY else 'eccentricity is'} {largest:g}; "

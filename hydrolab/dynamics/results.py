@@ -202,9 +202,12 @@ class PeriodicOrbit:
         return np.stack([synthesise(self.shaft, at)[:, 0],
                          synthesise(rate * rates(self.shaft), at)[:, 0]])
 
-    def node_coefficients(self, node: int) -> NDArray:
-        """[mean, sin 1, cos 1, …] of x and z at a shaft node, m, shape (2, 2m + 1)."""
-        dofs = self.model.shaft_map @ self.shaft
+    def node_coefficients(self, place: int | float | str) -> NDArray:
+        """[mean, sin 1, cos 1, …] of x and z at a shaft node, m, shape (2, 2m + 1).
+
+        place: its number, its depth in m (a float), or the name of a body or a bearing there.
+        """
+        node, dofs = self.model.node_at(place), self.model.shaft_map @ self.shaft
         per_node = len(dofs) // len(self.model.depths)
         return dofs[per_node * node:per_node * node + 2]
 

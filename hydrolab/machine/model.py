@@ -31,6 +31,7 @@ from hydrolab.machine.pull import (
     TangentialPull,
     TiltedPull,
 )
+from hydrolab.machine.quantities import number, shown, whole
 
 if TYPE_CHECKING:
     from hydrolab.machine.parts import Machine, RigidBody, Shaft
@@ -214,6 +215,27 @@ class Model:
         """Length that makes unknowns of order one, m: the gap, or a millimetre where there is none.
         """
         return self.gap if math.isfinite(self.gap) else NO_GAP_SCALE
+
+    def node_at(self, place: int | float | str) -> int:
+        """The node at a place along the shaft: its number, a depth in m (a float), or the name of a
+        body or a bearing there.
+
+        Raises BadInput where there is none; a depth must be that of a node to 1/1000 of the shaft.
+        """
+        if isinstance(place, str):
+            names = self.origin.machine.places if self.origin else {}
+            if place not in names:
+                raise BadInput(f"no body or bearing of {self.name} is called {shown(place)}; there "
+                               f"are {', '.join(names) or 'none'}.")
+            return names[place]
+        if isinstance(place, (float, np.floating)):
+            depth = number("depth", place, unit="m")
+            node = int(np.abs(self.depths - depth).argmin())
+            if abs(self.depths[node] - depth) > 1e-3 * self.depths[-1]:
+                raise BadInput(f"no node of {self.name} is at {depth:g} m; the nearest is node "
+                               f"{node} at {self.depths[node]:.6g} m.")
+            return node
+        return whole("node", place, 0, len(self.depths) - 1, "or a depth in m, 4.5, or a name")
 
     def velocity_matrix(self, speed: float) -> NDArray:
         """C + Ω G, N s/m: the one place where damping and gyroscopic terms meet."""

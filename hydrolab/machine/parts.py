@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.bearings import (
+    BEARINGS,
     Bearing,
     JournalFilm,
     PadBearing,
@@ -379,8 +380,14 @@ class Machine(Part):
 
     @property
     def all_bearings(self) -> tuple[Bearing, ...]:
-        """Every bearing: radial, thrust, of pads, with a film."""
-        return (*self.bearings, *self.thrust_bearings, *self.pad_bearings, *self.films)
+        """Every bearing, kind by kind."""
+        return tuple(bearing for kind in BEARINGS for bearing in getattr(self, kind.group))
+
+    @property
+    def places(self) -> dict[str, int]:
+        """The nodes of bodies and bearings, by their names."""
+        bodies = {body.name: body.node for body in self.bodies}
+        return bodies | {bearing.name: bearing.node for bearing in self.all_bearings}
 
     @property
     def nodes(self) -> int:

@@ -21,6 +21,7 @@ from hydrolab.dynamics.branches import orbits_at
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput
+from hydrolab.machine.bearings import BEARINGS
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
 from hydrolab.machine.quantities import Part, declared, simplest
@@ -55,7 +56,7 @@ def machine_record(study: Study) -> dict[str, Any]:
         "damping": {**ratio, "alpha": alpha, "beta": beta},
         "air_gap": part_record(machine.air_gap) if machine.air_gap else None}
     # what the paper's machine does not have, where there is some
-    for key in ("pad_bearings", "films", "cracks", "shapes"):
+    for key in (*(kind.group for kind in BEARINGS[2:]), "cracks", "shapes"):
         if parts := getattr(machine, key):
             record[key] = [part_record(part) for part in parts]
     if machine.poles:

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, fields, replace
 import numpy as np
 import pytest
 
-from hydrolab import BadInput, load_machine, vary
+from hydrolab import BadInput, HarmonicBalance, load_machine, vary
 from hydrolab.machine.bearings import BEARINGS, JournalFilm, PadBearing
 from hydrolab.machine.cards import (
     ALONE,
@@ -164,6 +164,21 @@ def test_numbers_that_must_agree_change_together():
 def test_only_a_machine_is_varied():
     with pytest.raises(BadInput, match="machine is a Model; it must be a Machine"):
         vary(UNIT.model(), {"field": 0.5})
+
+
+def test_a_place_is_a_node_a_depth_or_a_name():
+    orbit = HarmonicBalance(1).solve(UNIT.model(), UNIT.speed)
+    for place in (1, 0.953, "generator guide bearing"):
+        assert orbit.model.node_at(place) == 1
+        assert np.array_equal(orbit.node_coefficients(place), orbit.node_coefficients(1))
+    assert orbit.model.node_at("turbine") == orbit.model.node_at(9.04) == 12
+    for place, said in (("upper guide", "no body or bearing of kaplan-150rpm is called 'upper "
+                         "guide'; there are generator, turbine, generator guide bearing"),
+                        (3.3, "no node of kaplan-150rpm is at 3.3 m; the nearest is node 4 at "
+                         "3.1119 m"), (13, "node is 13; it must be a whole number from 0 to 12"),
+                        (None, "node is None")):
+        with pytest.raises(BadInput, match=said):
+            orbit.node_coefficients(place)
 
 
 # All faults at once
