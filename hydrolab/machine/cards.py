@@ -24,17 +24,11 @@ import numpy as np
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.bearings import BEARINGS, Bearing
-from hydrolab.machine.crack import Crack
-from hydrolab.machine.gap_shape import GapShape
 from hydrolab.machine.parts import (
-    AirGap,
+    KINDS,
     Machine,
-    RayleighDamping,
-    RigidBody,
-    Shaft,
     require_machine,
 )
-from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.quantities import (
     UNITS,
     BadParts,
