@@ -9,7 +9,9 @@ distribution that `PUBLIC` names, and all else from the folder.
 
 from __future__ import annotations
 
+import functools
 import hashlib
+import http.server
 import importlib.metadata
 import importlib.util
 import json
@@ -26,6 +28,7 @@ from typing import Any
 
 from hydrolab import __version__
 from hydrolab.errors import BadInput
+from hydrolab.ports import in_words, trouble
 
 PYODIDE = "0.27.7"  # what jupyterlite-pyodide-kernel 0.6 is made for
 PUBLIC = f"https://cdn.jsdelivr.net/pyodide/v{PYODIDE}/full/"
@@ -44,6 +47,17 @@ PURE = {"sympy": ("mpmath",), "mpmath": (), "threadpoolctl": (), "tomlkit": (),
 NEEDS = ("numpy", "scipy", "matplotlib", "pillow", *PURE)  # of hydrolab there
 IMPORTS = {"pyodide-kernel": ("pyodide_kernel",), "typing-extensions": ("typing_extensions",),
            "markdown-it-py": ("markdown_it",), "jupyterlab-widgets": ("jupyterlab_widgets",)}
+SETTINGS = {  # of JupyterLab: what is typed survives a reload, and leaves in one click
+    "@jupyterlab/docmanager-extension:plugin": {"autosaveInterval": 5},
+    "@jupyterlab/notebook-extension:panel": {"toolbar": [
+        {"name": "download", "command": "docmanager:download", "rank": 11, "label": "Download"}]},
+    "@jupyterlab/apputils-extension:notification": {
+        "checkForUpdates": False, "fetchNews": "false", "doNotDisturbMode": True},
+}
+FRONT = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>hydrolab</title>
+<meta http-equiv="refresh" content="0; url=lab/index.html?path={first}"></head>
+<body><p><a href="lab/index.html?path={first}">Open the course</a>. {where}</p></body></html>
+"""
 FONT_FIELDS = ("fname", "name", "style", "variant", "weight", "stretch", "size", "__class__")
 
 
@@ -73,9 +87,11 @@ def build_site(files: Mapping[str, bytes], out: Path, pyodide: Path | None = Non
             (contents / path).parent.mkdir(parents=True, exist_ok=True)
             (contents / path).write_bytes(data)
         made = work / "site"
+        (work / "overrides.json").write_text(json.dumps(SETTINGS), encoding="utf-8")
         _jupyterlite(work, contents, made)
         _distribution(core, made / "pyodide", public=pyodide is None)
-        _configure(made)
+        _configure(made, min(name for name in files if name.endswith(".ipynb")),
+                   public=pyodide is None)
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(made, out)
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
@@ -246,8 +262,10 @@ def _font_list(wheel: Path) -> str:
     return json.dumps(made)
 
 
-def _configure(made: Path) -> None:
-    """Tell the site's kernel where its distribution is and what to start with."""
+def _configure(made: Path, first: str, *, public: bool) -> None:
+    """Tell the site's kernel where its distribution is and what to start with, and begin on a
+    chapter; where packages are public, the page says so.
+    """
     packages = [*KERNEL, *COURSE, "anywidget", "sympy"]
     kernel = {"pyodideUrl": "./pyodide/pyodide.js", "disablePyPIFallback": True,
               "loadPyodideOptions": {
@@ -256,6 +274,31 @@ def _configure(made: Path) -> None:
     config = json.loads(path.read_text(encoding="utf-8"))
     data = config["jupyter-config-data"]
     data |= {"appName": "hydrolab", "exposeAppInBrowser": True}
+    where = (f"Python's packages come from {PUBLIC}." if public else
+             "Everything comes from this computer.")
+    (made / "index.html").write_text(FRONT.format(first=first, where=where), encoding="utf-8")
     data["litePluginSettings"] = data.get("litePluginSettings", {}) | {
         "@jupyterlite/pyodide-kernel-extension:kernel": kernel}
     path.write_text(json.dumps(config, indent=1), encoding="utf-8")
+
+
+class Handler(http.server.SimpleHTTPRequestHandler):
+    """Serves the site's files with the types that a browser insists on, and says nothing."""
+
+    extensions_map = http.server.SimpleHTTPRequestHandler.extensions_map | {
+        ".wasm": "application/wasm", ".mjs": "text/javascript", ".js": "text/javascript",
+        ".whl": "application/zip", ".ipynb": "application/json", "": "application/octet-stream"}
+
+    def log_message(self, *args: Any) -> None:
+        """Print nothing: what a reader opens is the reader's own business."""
+
+
+def serve_site(folder: Path, port: int = 0) -> http.server.ThreadingHTTPServer:
+    """A server of a built site on this computer alone, not yet running; port 0 takes a free one.
+
+    Raises BadInput where the port is taken.
+    """
+    if port and (number := trouble("127.0.0.1", port)) is not None:
+        raise BadInput(in_words(number, "127.0.0.1", port, "--host", "--port"))
+    return http.server.ThreadingHTTPServer(("127.0.0.1", port),
+                                           functools.partial(Handler, directory=str(folder)))
