@@ -9,6 +9,7 @@ distribution that `PUBLIC` names, and all else from the folder.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import http.server
@@ -55,7 +56,8 @@ SETTINGS = {  # of JupyterLab: what is typed survives a reload, and leaves in on
         "checkForUpdates": False, "fetchNews": "false", "doNotDisturbMode": True},
 }
 FRONT = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>hydrolab</title>
-<meta http-equiv="refresh" content="0; url=lab/index.html?path={first}"></head>
+<meta http-equiv="refresh" content="0; url=lab/index.html?path={first}">
+<script id="jupyter-config-data" type="application/json" data-jupyter-lite-root=".">{{}}</script></head>
 <body><p><a href="lab/index.html?path={first}">Open the course</a>. {where}</p></body></html>
 """
 FONT_FIELDS = ("fname", "name", "style", "variant", "weight", "stretch", "size", "__class__")
@@ -291,6 +293,11 @@ class Handler(http.server.SimpleHTTPRequestHandler):
 
     def log_message(self, *args: Any) -> None:
         """Print nothing: what a reader opens is the reader's own business."""
+
+    def handle(self) -> None:
+        """Serve, unless the reader has left meanwhile."""
+        with contextlib.suppress(ConnectionError):
+            super().handle()
 
 
 def serve_site(folder: Path, port: int = 0) -> http.server.ThreadingHTTPServer:
