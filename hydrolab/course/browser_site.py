@@ -29,11 +29,13 @@ from typing import Any
 
 from hydrolab import __version__
 from hydrolab.errors import BadInput
-from hydrolab.ports import in_words, trouble
+from hydrolab.addresses import in_words, trouble
 
 PYODIDE = "0.27.7"  # what jupyterlite-pyodide-kernel 0.6 is made for
 PUBLIC = f"https://cdn.jsdelivr.net/pyodide/v{PYODIDE}/full/"
 NEEDED = ("jupyterlite_core", "jupyterlite_pyodide_kernel")
+EXTENSIONS = ("anywidget", "@jupyter-widgets/jupyterlab-manager",
+              "@jupyterlite/pyodide-kernel-extension")  # of all that JupyterLab has here
 CORE = ("pyodide.js", "pyodide.asm.js", "pyodide.asm.wasm", "python_stdlib.zip")
 # What the kernel starts with. The first seven it would otherwise look up and install one by one.
 KERNEL = ("micropip", "piplite", "ssl", "sqlite3", "ipykernel", "comm", "pyodide-kernel", "jedi",
@@ -148,9 +150,15 @@ def _check_version(core: Path) -> None:
 
 def _jupyterlite(work: Path, contents: Path, made: Path) -> None:
     """Run JupyterLite's own build: JupyterLab, the widgets' extensions, the kernel, the files."""
-    command = [sys.executable, "-m", "jupyter", "lite", "build", "--apps", "lab", "--apps", "tree",
-               "--apps", "notebooks", "--contents", str(contents), "--output-dir", str(made),
-               "--no-sourcemaps", "--no-unused-shared-packages", "--no-libarchive"]
+    share = Path(sys.prefix) / "share" / "jupyter" / "labextensions"
+    config = {"contents": [str(contents)], "output_dir": str(made),
+              "apps": ["lab", "tree", "notebooks"], "no_sourcemaps": True,
+              "no_unused_shared_packages": True, "no_libarchive": True,
+              "ignore_sys_prefix": ["federated_extensions"],
+              "federated_extensions": [str(share / name) for name in EXTENSIONS]}
+    (work / "jupyter_lite_config.json").write_text(json.dumps({"LiteBuildConfig": config}),
+                                                   encoding="utf-8")
+    command = [sys.executable, "-m", "jupyter", "lite", "build"]
     done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
     if done.returncode:
         raise BadInput(f"The live course was not built:\n{(done.stdout + done.stderr)[-3000:]}")

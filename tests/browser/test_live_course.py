@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from hydrolab.cli import course_files, find_book
-from hydrolab.course import notebooks
+from hydrolab.course import refresh as notebooks
 from tests.browser.conftest import FLAGS, KERNEL, Visit, is_local
 from tests.chromium import BROWSER, keep
 from tests.pyodide_distribution import distribution, missing
