@@ -165,7 +165,7 @@ BLOCK = solids.box(1, 2, 0.5, 0, 1)
                                    BLOCK,
                                    solids.blade(0.4, 1.3), solids.tube(0.3, -2, 1, 9),
                                    solids.joined(BLOCK,
-                                                 solids.turned(solids.moved(BLOCK, x=3), 1))],
+                                                 solids.turned(solids.raised(BLOCK, 3), 1))],
                          ids=["ring", "sector", "box", "blade", "tube", "joined"])
 def test_solids_are_closed_and_face_outwards(solid):
     vertices, faces = solid
