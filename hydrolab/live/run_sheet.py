@@ -117,29 +117,34 @@ def _check_step(where: str, row: Any) -> None:
         raise BadInput(f"{where}: camera is {row['camera']!r}; there are {', '.join(VIEWS)}.")
     if not _is_number(row.get("minutes")) or not 0 < row["minutes"] <= 180:
         raise BadInput(f"{where}: minutes is {row.get('minutes')!r}; give a number above 0.")
-    for part in ("set", "holds"):
-        if not isinstance(row.get(part, {}), dict):
-            raise BadInput(f"{where}: {part} is {row[part]!r}; give a table, {{ eccentricity = 5.0 "
-                           "}} for instance.")
-    for name, value in row.get("set", {}).items():
-        if wrong := _not_to_be_set(name, value):
-            raise BadInput(f"{where}: {name} {wrong}.")
-    for name, value in row.get("holds", {}).items():
-        if name not in FACTS or not _is_number(value):
-            raise BadInput(f"{where}: holds {name} = {value!r}; numbers that can be checked are "
-                           f"{', '.join(FACTS)}.")
+    for part, trouble in (("set", _not_to_be_set), ("holds", _not_to_be_held)):
+        table = row.get(part, {})
+        if not isinstance(table, dict):
+            raise BadInput(f"{where}: {part} is {table!r}; give a table, {{ eccentricity = 5.0 }} "
+                           "for instance.")
+        for name, value in table.items():
+            if wrong := trouble(name, value):
+                raise BadInput(f"{where}: {wrong}.")
 
 
 def _not_to_be_set(name: str, value: Any) -> str:
     """What is wrong with a setting of a step; nothing where it can be set."""
     if name in SWITCHES:
-        return "" if isinstance(value, bool) else f"is {value!r}; give true or false"
+        return "" if isinstance(value, bool) else f"{name} is {value!r}; give true or false"
     if name not in NUMBERS:
-        return f"cannot be set; there are {', '.join([*NUMBERS, *SWITCHES])}"
+        return f"{name} cannot be set; there are {', '.join([*NUMBERS, *SWITCHES])}"
     low, high = NUMBERS[name]
     if not _is_number(value) or not low <= value <= high:
-        return f"is {value!r}; give a number from {low:g} to {high:g}"
-    return f"is {value!r}; give a whole number" if name == "orbit" and value != int(value) else ""
+        return f"{name} is {value!r}; give a number from {low:g} to {high:g}"
+    whole = name != "orbit" or value == int(value)
+    return "" if whole else f"{name} is {value!r}; give a whole number"
+
+
+def _not_to_be_held(name: str, value: Any) -> str:
+    """What is wrong with a number that is to hold; nothing where it can be computed again."""
+    if name in FACTS and _is_number(value):
+        return ""
+    return f"holds {name} = {value!r}; numbers that can be checked are {', '.join(FACTS)}"
 
 
 def _is_number(value: Any) -> bool:

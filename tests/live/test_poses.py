@@ -123,8 +123,8 @@ def test_rings_are_what_the_shaft_sweeps(where):
     assert rings.shape == (where.nodes * 48, 2, 3) and away.shape == rings.shape[:2]
     node = 5
     ring = rings[node * 48:(node + 1) * 48]
-    assert ring[0, 0] == pytest.approx(ring[-1, 1]) and set(ring[...,
-                                                                 2].ravel()) == {-where.depths[node]}
+    assert ring[0, 0] == pytest.approx(ring[-1, 1])
+    assert set(ring[..., 2].ravel()) == {-where.depths[node]}
     path = 30 * where.motion(2 * np.pi * np.arange(3600) / 3600)[node, :2]
     for k in range(48):
         u = np.array([math.cos(2 * np.pi * k / 48), math.sin(2 * np.pi * k / 48)])

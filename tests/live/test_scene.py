@@ -145,6 +145,28 @@ def test_numbers_are_clamped(shared):
     assert shared.settings.leg == 2
 
 
+def test_the_slider_says_what_is_drawn(shared):
+    """A tilt that would look wrong lowers the factor, and the setting with it; the wish comes back
+    where there is room for it.
+    """
+    shared.change(static_eccentricity=0.0, leg=0, exaggeration=150.0)
+    small = shared.settings.exaggeration
+    shared.change(static_eccentricity=0.088, leg=2)
+    large = shared.settings.exaggeration
+    assert large < small <= 150.0
+    steepest = np.hypot(*shared.where.motion(np.linspace(0, 2 * np.pi, 500))[:, 2:]
+                        .transpose(1, 0, 2)).max()
+    assert large * steepest == pytest.approx(0.15, rel=1e-3)
+    assert f"drawn {large:.0f} times" in shared.reading
+    assert f"× {large:.0f}" in shared.names.scale.text
+    shared.draw(0.0)
+    at = shared.where.nodes
+    assert shared.parts.moving["generator"].position[0] == pytest.approx(
+        large * shared.where.motion(0.0)[at, 0], rel=1e-5)
+    shared.change(static_eccentricity=0.0, leg=0)
+    assert shared.settings.exaggeration == pytest.approx(small)
+
+
 def test_the_loop_eases_to_a_new_orbit_and_stops(shared):
     shared.change(static_eccentricity=0.0, leg=0)
     shared.run()
