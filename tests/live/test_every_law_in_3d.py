@@ -4,6 +4,7 @@ branch, and recorded.
 
 import functools
 import math
+import re
 
 import numpy as np
 import pytest
@@ -100,7 +101,7 @@ def test_every_part_is_there_and_named(scene_of, name):
         assert scene.shown.orbit.static_eccentricity == 0.03
         assert 0 < scene.smallest_gap < unit.air_gap.gap
     scene.change(unbalance=0.9, exaggeration=20.0)
-    assert "no steady state" not in scene.reading
+    assert not re.search("the last orbit|begins at the centre", scene.reading)
 
 
 @pytest.mark.parametrize("name", IN_A_GAP)
