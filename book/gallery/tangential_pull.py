@@ -38,7 +38,7 @@ def with_share(machine: Machine, share: float) -> Model:
 def growth(share: float, machine: Machine) -> float:
     """Floquet's growth of the centred rotor, 1/s."""
     orbit = BALANCE.solve(with_share(machine, share).with_unbalance(0), machine.speed)
-    found = floquet_all([orbit], guard=False)[0]
+    found = floquet_all([orbit], quick=True)[0]
     return math.log(abs(found.multipliers[0])) * machine.speed / (2 * math.pi)
 
 

@@ -70,7 +70,7 @@ def growth(model: Model, speed: float, *, revolutions: int = 1) -> float:
     revolutions: after which the forces repeat.
     """
     balance = HarmonicBalance(2 * revolutions, revolutions=revolutions)
-    found = floquet_all([balance.solve(model.with_unbalance(0), speed)], guard=False)[0]
+    found = floquet_all([balance.solve(model.with_unbalance(0), speed)], quick=True)[0]
     return math.log(abs(found.multipliers[0])) * speed / (2 * math.pi * revolutions)
 
 

@@ -96,6 +96,24 @@ class Modes(Spectrum):
         return "\n".join([f"{len(self)} modes at {self.speed * 30 / np.pi:g} rpm", *rows])
 
 
+def mass_scaled(M: NDArray, *matrices: NDArray) -> tuple[NDArray, ...]:
+    """R of M = RᵀR, and each matrix in the coordinates Rq; (n, n) each.
+
+    Raises BadInput if M is not positive definite.
+    """
+    try:
+        R = scipy.linalg.cholesky(M)
+    except np.linalg.LinAlgError as error:
+        raise BadInput("the mass matrix is not positive definite; every DOF needs mass. "
+                       "Give the shaft a density above 0.") from error
+
+    def scaled(matrix: NDArray) -> NDArray:
+        half = scipy.linalg.solve_triangular(R, matrix, trans="T")
+        return scipy.linalg.solve_triangular(R, half.T, trans="T").T
+
+    return R, *(scaled(matrix) for matrix in matrices)
+
+
 def modes(model: LinearModel, speed: float = 0.0) -> Modes:
     """All modes of the model at a speed (rad/s), by a first-order form in mass-scaled coordinates.
 
@@ -103,17 +121,7 @@ def modes(model: LinearModel, speed: float = 0.0) -> Modes:
     """
     if not math.isfinite(speed):
         raise BadInput(f"speed is {speed}; it must be a finite number of rad/s.")
-    try:
-        R = scipy.linalg.cholesky(model.M)
-    except np.linalg.LinAlgError as error:
-        raise BadInput("the mass matrix is not positive definite; every DOF needs mass. "
-                       "Give the shaft a density above 0.") from error
-
-    def mass_scaled(matrix: NDArray) -> NDArray:
-        half = scipy.linalg.solve_triangular(R, matrix, trans="T")
-        return scipy.linalg.solve_triangular(R, half.T, trans="T").T
-
-    K, D = mass_scaled(model.K), mass_scaled(model.velocity_matrix(speed))
+    R, K, D = mass_scaled(model.M, model.K, model.velocity_matrix(speed))
     n = len(K)
     fastest = math.sqrt(np.linalg.norm(K, 2)) or 1.0  # puts positions and velocities on one scale
     values, vectors = np.linalg.eig(np.block([[np.zeros((n, n)), fastest * np.eye(n)],

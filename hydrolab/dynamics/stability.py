@@ -1,20 +1,20 @@
-"""Monodromy matrices of many orbits at once.
+"""Floquet multipliers of steady states: does a small disturbance die out?
 
-A disturbance s of an orbit obeys ṡ = A(t) s = (A₀ + push (J(t) − J₀) watch) s: constant but for a
-part of rank c, the number of nonlinear coordinates. Where the pull is the only force that is not
-linear, the constant part, which holds the slope J₀ at the centre, is advanced exactly by its
-exponential, and the rest kicks the velocities in the middle of the step (Strang splitting): all
-orbits at once. A bearing, a film or a crack is too stiff for kicks and may act on velocities; there
-each step is the exponential of A in its middle (the first term of Magnus's series 1954; Iserles and
-others 2000). Both are symmetric, so the error has even powers of the step only, and Richardson's
-extrapolation from n, 2n (and 4n) steps gives fourth (sixth) order.
+The verdict is a count on the whole machine (`winding`), of two truncations and of the orbit with
+its harmonics and with twice as many; where they differ, or the leading multiplier is nearer to the
+unit circle than it is known, it is looked at more finely, and what stays in doubt is "unknown". The
+multipliers start from those of a few modes and are then those of the whole machine, by Newton's
+method on the determinant that is counted.
 
-Floquet multipliers of steady states: does a small disturbance die out?
-
-A verdict is given only where it survives its guards: the multipliers from two orders in the step,
-and those of the orbit with the harmonics doubled on a richer basis. What a guard does not cover is
-computed again more finely; what is still in doubt is "unknown", never "stable". Source: Nayfeh and
-Balachandran (1995), chapter 3, for the theory; `monodromy` for the method.
+The start, which is also the quick look of a moving slider: a disturbance s of an orbit obeys ṡ =
+A(t) s = (A₀ + push (J(t) − J₀) watch) s, constant but for a part of rank c, the number of nonlinear
+coordinates. Where the pull is the only force that is not linear, the constant part, which holds the
+slope J₀ at the centre, is advanced exactly by its exponential, and the rest kicks the velocities in
+the middle of the step (Strang splitting): all orbits at once. A bearing, a film or a crack is too
+stiff for kicks and may act on velocities; there each step is the exponential of A in its middle
+(the first term of Magnus's series 1954; Iserles and others 2000). Both are symmetric, so the error
+has even powers of the step only, and Richardson's extrapolation from n, 2n and 4n steps gives sixth
+order. Source: Nayfeh and Balachandran (1995), chapter 3, for the theory.
 """
 
 from __future__ import annotations
@@ -34,10 +34,20 @@ from hydrolab.dynamics.batch import Outcome, newton_batch, stack
 from hydrolab.dynamics.branches import orbits_at
 from hydrolab.dynamics.continuation import correct
 from hydrolab.dynamics.ensemble import Split, flows, split
-from hydrolab.dynamics.harmonic_balance import condense
+from hydrolab.dynamics.harmonic_balance import Condensed, condense
 from hydrolab.dynamics.harmonics import fourier_rows, rate_rows
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
 from hydrolab.dynamics.solvers import newton
+from hydrolab.dynamics.winding import (
+    Disturbance,
+    background,
+    count,
+    derivatives,
+    disturbance,
+    newton_step,
+    pull_alone,
+    roots,
+)
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.pull import CircularPull
 
@@ -146,33 +156,44 @@ def moved(first: NDArray, second: NDArray) -> NDArray:
                         for size, axis in zip(sizes, (2, 1), strict=True)))
 
 
-TRUST = 1e-3  # relative change of the leading multipliers that a guard may show
+TRUST = 1e-3  # relative change of the leading multipliers that two looks may show
 MARGIN = 10  # how many times that change the leading multiplier must be away from the unit circle
-# with the four deflections that `reduce` adds, moduli to 1e-4 on the paper's kind of unit
-MODES, STEPS = 4, 32
-MORE_MODES = 2  # in the guard
-QUICK = 24  # steps where there is no guard
+MODES, STEPS = 4, 24  # of the start
+LEADING = 5  # multipliers that are followed to the whole machine
+FADED = 1e-12  # what decays faster in a period is not followed
+SOLVED = 1e-9  # to which an orbit is solved, and no multiplier is known better
+SLOW = 0.5  # least share of the largest multiplier at which a mode outside the basis is followed
+SEEN = 1e-2  # a linear mode this near, relatively, to one of the start's basis is in it
 CROSSING = 1e-8  # of the distance between two points: how closely a crossing is located
-# modes, steps and factor on the harmonics of the second and third look
-FINER = ((6, 64, 2), (10, 512, 4))
-# harmonics beyond which a finer look takes no more: they cost memory with their third power
-ENOUGH = 32
+# harmonics of the disturbance, and factor on those of the orbit, in each look; the look is compared
+# with another of twice both
+LOOKS = ((4, 1), (8, 2), (16, 4))
+FINE = 16  # harmonics of the disturbance where a crossing is located
+# harmonics beyond which a finer orbit takes no more: they cost memory with their third power
+ENOUGH = 64
+
+
 
 
 @dataclass(frozen=True, eq=False)
 class Floquet:
-    """Floquet multipliers of one orbit, largest first, and what they say.
+    """Leading Floquet multipliers of one orbit, largest first, and what is known of its stability.
 
-    multipliers: complex, shape (2r,) for r reduced DOFs. error: how far the leading ones are known,
-    from the guards. verdict: "stable", "unstable" or "unknown". kind: where the leading one is
-    nearest to leaving the unit circle: "fold" (real, positive), "flip" (real, negative) or
-    "Neimark–Sacker" (a complex pair).
+    multipliers: complex, (m,). error: how far the leading ones are known. verdict: "stable",
+    "unstable" or "unknown". kind: where the leading one is nearest to leaving the unit circle:
+    "fold" (real, positive), "flip" (real, negative) or "Neimark–Sacker" (a complex pair). outside:
+    number of multipliers outside the unit circle. how: "counted" on the whole machine, or "quick",
+    from a few modes. growth: only what grows faster than this is counted, 1/s; above 0 where the
+    machine has motions without damping.
     """
 
     multipliers: NDArray
     error: float
     verdict: str
     kind: str
+    outside: int = 0
+    how: str = "quick"
+    growth: float = 0.0
 
     @property
     def largest(self) -> float:
@@ -182,78 +203,207 @@ class Floquet:
     def __str__(self) -> str:
         mu = self.multipliers[0]
         value = f"{mu.real:.5f}" if abs(mu.imag) < 1e-9 else f"{mu.real:.5f} ± {abs(mu.imag):.5f} i"
-        return f"{self.verdict}: leading multiplier {value}, modulus {abs(mu):.5f}, known to {self.error:.0e}"
+        glance = " at a quick look on a few modes" if self.how == "quick" else ""
+        known = f"known to {self.error:.0e}" if math.isfinite(self.error) else "not known"
+        said = f"{self.verdict}{glance}: leading multiplier {value}, modulus {abs(mu):.5f}, {known}"
+        if not glance:
+            said += (f"; {self.outside or 'none'} outside the unit circle, counted on the whole "
+                     "machine")
+        if self.growth:
+            said += (f"; motions without damping neither grow nor die out, so only growth faster "
+                     f"than {self.growth:.0e} 1/s is counted")
+        return said
 
 
-def floquet(orbit: PeriodicOrbit, modes: int = MODES, steps: int = STEPS) -> Floquet:
-    """Floquet multipliers of an orbit, guarded.
+def floquet(orbit: PeriodicOrbit, modes: int = MODES, steps: int = STEPS, *,
+            quick: bool = False) -> Floquet:
+    """Floquet multipliers of an orbit, and how many lie outside the unit circle.
 
-    modes: modes of the reduced basis (the static and gyroscopic deflections under the pull are
-    added). steps: the coarsest of the three step counts in a revolution. Doubtful orbits are looked
-    at more finely than that. Raises BadInput for fewer than 8 steps.
+    modes, steps: of the start, the modes of its basis and the coarsest of its three step counts in
+    a revolution. quick: as in `floquet_all`. Raises BadInput for fewer than 8 steps, or what is no
+    orbit.
     """
-    return floquet_all([orbit], modes, steps)[0]
+    return floquet_all([orbit], modes, steps, quick=quick)[0]
 
 
-def floquet_all(orbits: Sequence[PeriodicOrbit], modes: int = MODES, steps: int | None = None, *,
-                guard: bool = True) -> list[Floquet]:
+def floquet_all(orbits: Sequence[PeriodicOrbit], modes: int = MODES, steps: int = STEPS, *,
+                quick: bool = False) -> list[Floquet]:
     """Floquet multipliers of many orbits; those of one model at one speed are computed together.
 
-    guard: also compare with the orbits at twice the harmonics and on more modes, and look again
-    where in doubt. Without it only two orders in the step are compared, of fewer steps, which is
-    what a moving slider has time for. Raises BadInput for fewer than 8 steps.
+    quick: only the start, the multipliers of a few modes from two orders in the step, which is what
+    a moving slider has time for; an instability that those modes do not know is not seen. Raises
+    BadInput for fewer than 8 steps.
     """
-    steps = (STEPS if guard else QUICK) if steps is None else steps
+    if other := next((o for o in orbits if not isinstance(o, PeriodicOrbit)), None):
+        raise BadInput(f"orbit is a {type(other).__name__}; it must be a steady state, such as "
+                       "HarmonicBalance().solve(…) or branch[3]. A whole branch has "
+                       "branch_stability(branch).")
     if steps < 8:
         raise BadInput(f"steps is {steps}; at least 8 in a revolution are needed.")
     if not orbits:
         return []
     eq = orbits[0].equations
     if any(o.equations is not eq for o in orbits):
-        return [floquet_all([o], modes, steps, guard=guard)[0] for o in orbits]
-    coefficients = np.stack([o.local for o in orbits])
-    centres = np.stack([o.centre for o in orbits])
-    system = split(eq.model, eq.speed, modes)
-    if not guard:
-        values, error = multipliers(system, coefficients, centres, steps, eq.revolutions)
-    else:
-        first = eigenvalues(monodromy(system, coefficients, centres, steps, eq.revolutions)[0])
-        richer, found = _with_harmonics(eq, coefficients, centres, 2)
-        values, error = multipliers(split(eq.model, eq.speed, modes + MORE_MODES), richer, centres,
-                                    steps, eq.revolutions)
-        error = np.maximum(error, moved(first, values))
-        error[~found] = np.inf
-        for more_modes, more_steps, factor in FINER:
-            doubt = np.flatnonzero(~clear(values, error))
-            if not len(doubt):
-                break
-            values_again, error_again = _again(eq, coefficients[doubt], centres[doubt],
-                                               max(modes, more_modes),
-                                               max(steps, more_steps), factor)
-            width = values_again.shape[1]
-            if width > values.shape[1]:
-                values = np.pad(values, ((0, 0), (0, width - values.shape[1])))
-            values[doubt, :width], values[doubt, width:] = values_again, 0
-            error[doubt] = error_again
-    return [_judged(v, float(e)) for v, e in zip(values, error, strict=True)]
+        return [floquet_all([o], modes, steps, quick=quick)[0] for o in orbits]
+    local, centres = np.stack([o.local for o in orbits]), np.stack([o.centre for o in orbits])
+    if quick:
+        values, error = multipliers(split(eq.model, eq.speed, modes), local, centres, steps,
+                                    eq.revolutions)
+        return [_at_a_glance(v, float(e)) for v, e in zip(values, error, strict=True)]
+    # other forces are counted from a machine that holds their mean slope, which is each orbit's own
+    groups = [slice(None)] if pull_alone(eq.model) else [[i] for i in range(len(local))]
+    return [f for own in groups for f in _counted(eq, local[own], centres[own], modes, steps)]
 
 
-def clear(values: NDArray, error: NDArray) -> NDArray:
-    """Whether the guards leave no doubt on which side of the unit circle the leading multiplier is,
-    (P,).
+def _at_a_glance(values: NDArray, error: float) -> Floquet:
+    return Floquet(values, error, _verdict(values, error), _kind(values[0]), _outside(values))
+
+
+def _verdict(values: NDArray, error: float) -> str:
+    size = abs(values[0])
+    if size - 1 > MARGIN * error:
+        return "unstable"  # 7000 ± 10 is, however roughly known
+    return "stable" if 1 - size > MARGIN * error and error <= TRUST else "unknown"
+
+
+def _kind(lead: complex) -> str:
+    if abs(lead.imag) > 1e-6 * abs(lead):
+        return "Neimark–Sacker"
+    return "fold" if lead.real > 0 else "flip"
+
+
+def _outside(values: NDArray) -> int:
+    return int(np.sum(np.abs(values) > 1))
+
+
+def _counted(eq: Condensed, local: NDArray, centres: NDArray, modes: int,
+             steps: int) -> list[Floquet]:
+    """Look at all orbits, and again, more finely, at those in doubt."""
+    out: list[Floquet] = []
+    doubt, start = np.arange(len(local)), _start(eq, local, centres, modes, steps)
+    for order, factor in LOOKS:
+        found = _look(eq, local[doubt], centres[doubt], [a[doubt] for a in start], order, factor)
+        out = out or found
+        for i, f in zip(doubt, found, strict=True):
+            out[i] = f
+        doubt = doubt[[f.verdict == "unknown" and not f.growth for f in found]]
+        if not len(doubt):
+            break
+    return out
+
+
+def _start(eq: Condensed, local: NDArray, centres: NDArray, modes: int,
+           steps: int) -> tuple[NDArray, NDArray]:
+    """Where the exponents of the pull alone may lie, from a few modes, on the copy λ + ikν next to
+    an eigenvalue of these modes under the mean slope, so that their harmonics lie around 0, (P, m);
+    and the eigenvalues of these modes without forces, (P, m). Nothing for other forces.
     """
-    size = np.abs(values[:, 0])
-    return np.isfinite(error) & (error <= TRUST * np.maximum(1, size)) & (np.abs(size - 1) > MARGIN
-                                                                          * error)
+    if not pull_alone(eq.model):
+        return np.empty((len(local), 0), dtype=complex), np.empty((len(local), 0), dtype=complex)
+    system, step = split(eq.model, eq.speed, modes), eq.speed / eq.revolutions
+    values = eigenvalues(monodromy(system, local, centres, steps, eq.revolutions)[0])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = np.where(np.abs(values) > FADED, np.log(values) * step / (2 * np.pi), np.nan)
+    mean = derivatives(eq, local, centres, 64)[0].mean(axis=-1).transpose(2, 0, 1)
+    alone = system.constant - system.push @ system.slope @ system.watch
+    mean[~np.isfinite(mean)] = 0  # outside the gap there is no slope
+    apart = np.linalg.eigvals(alone + system.push @ mean @ system.watch)[:, None] - found[..., None]
+    copies = np.rint(apart.imag / step)
+    nearest = np.abs(apart - 1j * step * copies).argmin(axis=2)
+    copies = np.take_along_axis(copies, nearest[..., None], axis=2)[..., 0]
+    return found + 1j * step * copies, np.tile(np.linalg.eigvals(alone), (len(local), 1))
 
 
-def _with_harmonics(eq, coefficients: NDArray, centres: NDArray,
-                    factor: int) -> tuple[NDArray, NDArray]:
-    """The orbits solved again with `factor` times the harmonics, and which of them converged."""
+def _believed(d: Disturbance, found: NDArray, known: NDArray) -> NDArray:
+    """The start's exponents, and the poles of the whole machine that its modes do not know, moved
+    by the mean slope to first order; (P, m).
+    """
+    poles, (slope, damping) = d.linear.poles, d.mean()
+    distance = np.abs(poles[:, None] - known[0]) / np.abs(poles)[:, None]
+    missing = np.exp(poles.real * 2 * np.pi / d.step) > FADED
+    missing[distance.argmin(axis=0)[distance.min(axis=0) < SEEN]] = False
+    moved = poles[missing] + np.einsum("jab,pba->pj", d.linear.residues[missing], slope)
+    if damping is not None:
+        moved += poles[missing] * np.einsum("jab,pba->pj", d.linear.residues[missing], damping)
+    return np.hstack([found, moved])
+
+
+def _look(eq: Condensed, local: NDArray, centres: NDArray, start: Sequence[NDArray], order: int,
+          factor: int) -> list[Floquet]:
+    """Count with `order` harmonics on orbits of `factor` times their own, and with twice both; the
+    leading multipliers are those of the second, their error the change from the first.
+    """
+    (rough, path, found), (fine, better, more) = (
+        _with_harmonics(eq, local, centres, f) for f in (factor, 2 * factor))
+    linear = background(eq, local, centres)
+    coarse = disturbance(rough, path, centres, order, *linear)
+    sharp = disturbance(fine, better, centres, 2 * order, *linear)
+    believed = _believed(sharp, *start)
+    (few, sure, growth), (many, also, _) = count(coarse, believed), count(sharp, believed)
+    exponents = roots(sharp, _leading(believed, sharp.step, start[0].shape[1]))
+    period = 2 * np.pi / sharp.step
+    values, moves = np.exp(period * exponents), np.full(exponents.shape, np.nan)
+    there = np.isfinite(exponents)
+    step = newton_step(coarse, exponents, there)[0]
+    with np.errstate(over="ignore", invalid="ignore"):  # a step as wild as that says nothing
+        moves[there] = np.abs(values[there] * np.expm1(period * step))
+    certain = sure & also & found & more & (few == many)
+    return [_judged(v, e, int(n), bool(c), growth)
+            for v, e, n, c in zip(values, moves, many, certain, strict=True)]
+
+
+def _judged(values: NDArray, moves: NDArray, outside: int, certain: bool,
+            growth: float) -> Floquet:
+    """The verdict from multipliers in the upper half plane, how far each moved, and the count."""
+    values, moves = _largest_first(values, moves)
+    if not len(values):  # all has died out within a period
+        values, moves = np.zeros(1, dtype=complex), np.zeros(1)
+    leading = np.abs(values) >= NEAR * min(1, abs(values[0]))
+    moved_by = float(np.nan_to_num(moves[leading], nan=np.inf).max())
+    error = max(moved_by, SOLVED * abs(values[0])) if certain else math.inf
+    verdict = _verdict(values, error)
+    if (verdict == "stable") != (outside == 0) or (verdict == "stable" and growth):
+        verdict = "unknown"
+    return Floquet(values, error, verdict, _kind(values[0]), outside, "counted", growth)
+
+
+def _leading(exponents: NDArray, step: float, known: int) -> NDArray:
+    """Of the start's exponents, the first `known` columns, and of the others those with Im λ ≥ 0 up
+    to rounding that decay least, (P, at most 2 LEADING).
+    """
+    folded = exponents.imag / step - np.ceil(exponents.imag / step - 0.5 - 1e-9)
+    upper = np.where(folded >= -1e-9, exponents, np.nan)
+    parts = []
+    for part in (upper[:, :known], upper[:, known:]):
+        order = np.argsort(-np.nan_to_num(part.real, nan=-np.inf), axis=1)[:, :LEADING]
+        parts.append(np.take_along_axis(part, order, axis=1))
+    slowest = np.nanmax(np.hstack(parts).real, axis=1, initial=-np.inf)
+    slow = parts[1].real > slowest[:, None] + math.log(SLOW) * step / (2 * np.pi)
+    return np.hstack([parts[0], np.where(slow, parts[1], np.nan)])
+
+
+def _largest_first(values: NDArray, more: NDArray) -> tuple[NDArray, NDArray]:
+    """Multipliers, each with its conjugate, largest first, and what belongs to each."""
+    known = np.isfinite(values)
+    values, more = values[known], more[known]
+    paired = np.abs(values.imag) > 1e-9 * np.abs(values)
+    values = np.concatenate([values, values[paired].conj()])
+    order = np.argsort(-np.abs(values), kind="stable")
+    return values[order], np.concatenate([more, more[paired]])[order]
+
+
+def _with_harmonics(eq: Condensed, local: NDArray, centres: NDArray,
+                    factor: int) -> tuple[Condensed, NDArray, NDArray]:
+    """The orbits solved again with `factor` times the harmonics, (P, c, 2m + 1), m, their
+    equations, and which of them converged.
+    """
+    factor = min(factor, max(1, ENOUGH // eq.harmonics))
+    if factor == 1:
+        return eq, local, np.ones(len(local), dtype=bool)
     richer = condense(eq.model, eq.speed, factor * eq.harmonics, factor * eq.samples,
                       eq.revolutions)
-    start = np.zeros((*coefficients.shape[:2], 2 * richer.harmonics + 1))
-    start[:, :, :coefficients.shape[2]] = coefficients / richer.length
+    start = np.zeros((*local.shape[:2], 2 * richer.harmonics + 1))
+    start[:, :, :local.shape[2]] = local / richer.length
     start = start.reshape(len(start), -1)
     if type(eq.model.law) is CircularPull:
         y, outcome = newton_batch(stack([richer]).take(np.zeros(len(start), dtype=int)), start,
@@ -264,34 +414,7 @@ def _with_harmonics(eq, coefficients: NDArray, centres: NDArray,
                      for s, c in zip(start, centres, strict=True)]
         y, found = np.array([s.y for s in solutions]), np.array([s.converged for s in solutions])
     near = np.abs(y - start).max(axis=1) < 0.05  # not another orbit
-    return richer.length * y.reshape(coefficients.shape[0], coefficients.shape[1], -1), found & near
-
-
-def _again(eq, coefficients: NDArray, centres: NDArray, modes: int, steps: int,
-           factor: int) -> tuple[NDArray, NDArray]:
-    """A finer look; its guard has twice the harmonics and more modes."""
-    factor = min(factor, max(1, ENOUGH // eq.harmonics))
-    some, found = _with_harmonics(eq, coefficients, centres, factor)
-    more, found_more = _with_harmonics(eq, coefficients, centres, 2 * factor)
-    values, error = multipliers(split(eq.model, eq.speed, modes + MORE_MODES), more, centres,
-                                steps, eq.revolutions)
-    first, _ = multipliers(split(eq.model, eq.speed, modes), some, centres, steps, eq.revolutions)
-    error = np.maximum(error, moved(first, values))
-    error[~(found & found_more)] = np.inf
-    return values, error
-
-
-def _judged(values: NDArray, error: float) -> Floquet:
-    lead = values[0]
-    verdict = "unknown"
-    if abs(lead) - 1 > MARGIN * error:
-        verdict = "unstable"  # 7000 ± 10 is, however roughly known
-    elif clear(values[None], np.array([error]))[0]:
-        verdict = "stable"
-    kind = "Neimark–Sacker" if abs(lead.imag) > 1e-6 * abs(lead) else ("fold" if lead.real > 0
-                                                                       else "flip")
-    return Floquet(values[np.abs(values) > 0] if (values == 0).any() else values, error, verdict,
-                   kind)
+    return richer, richer.length * y.reshape(*local.shape[:2], -1), found & near
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,8 +422,8 @@ class BranchStability:
     """The stability of every point of a branch, and where it changes.
 
     points: one `Floquet` for each row of the branch. crossings: flips and Neimark–Sacker points
-    located on the branch (folds are the branch's own), each with the multiplier's angle from the
-    positive real axis in `kind`.
+    located on the branch (folds are the branch's own), the latter with the multiplier's angle from
+    the positive real axis in `kind`.
     """
 
     points: tuple[Floquet, ...]
@@ -311,62 +434,72 @@ class BranchStability:
         """"stable", "unstable" or "unknown" for each point."""
         return tuple(p.verdict for p in self.points)
 
+    @property
+    def flips(self) -> tuple[SpecialPoint, ...]:
+        """Where a multiplier crosses −1, in the order met."""
+        return tuple(c for c in self.crossings if c.kind == "flip")
+
+    @property
+    def neimark_sackers(self) -> tuple[SpecialPoint, ...]:
+        """Where a complex pair crosses the unit circle, in the order met."""
+        return tuple(c for c in self.crossings if c.kind != "flip")
+
     def __str__(self) -> str:
         counts = ", ".join(f"{self.verdicts.count(v)} {v}"
                            for v in ("stable", "unstable", "unknown"))
         where = "; ".join(str(c) for c in self.crossings) or "none"
-        return f"{counts} of {len(self.points)} points; stability changes away from folds: {where}"
+        quick = " at a quick look" if any(p.how == "quick" for p in self.points) else ""
+        return (f"{counts} of {len(self.points)} points{quick}; stability changes away from folds: "
+                f"{where}")
 
 
-def branch_stability(branch: Branch, modes: int = MODES, steps: int | None = None, *,
-                     guard: bool = True,
-                     locate: bool = True) -> BranchStability:
+def branch_stability(branch: Branch, modes: int = MODES, steps: int = STEPS, *,
+                     quick: bool = False, locate: bool = True) -> BranchStability:
     """Floquet multipliers of every point of a branch in one batch, and where stability changes
     between them.
 
-    guard: as in `floquet_all`. locate: find flips and Neimark–Sacker points where the number of
-    multipliers outside the unit circle changes.
+    modes, steps, quick: as in `floquet_all`. locate: find flips and Neimark–Sacker points where the
+    number of multipliers outside the unit circle changes. Raises BadInput for what is no branch.
     """
-    points = floquet_all(list(branch), modes, steps, guard=guard)
+    if not isinstance(branch, Branch):
+        raise BadInput(f"branch is a {type(branch).__name__}; it must be a Branch, as `follow` "
+                       "returns it. A single steady state has floquet(orbit).")
+    points = floquet_all(list(branch), modes, steps, quick=quick)
     if not locate:
         return BranchStability(tuple(points), ())
     folds = {fold.after for fold in branch.folds}
     crossings = []
     for i, (a, b) in enumerate(pairwise(points)):
-        few, many = sorted((outside(a), outside(b)))
+        few, many = sorted((a.outside, b.outside))
         if "unknown" not in (a.verdict, b.verdict) and many - few > (i in folds):
-            crossings += _locate(branch, i, range(few, many), max(modes, FINER[0][0]),
-                                 max(steps or 0, 2 * FINER[0][1]))
+            crossings += _locate(branch, i, range(few, many), modes)
     return BranchStability(tuple(points), tuple(crossings))
 
 
-def outside(point: Floquet) -> int:
-    """Number of multipliers outside the unit circle."""
-    return int(np.sum(np.abs(point.multipliers) > 1))
-
-
-def _locate(branch: Branch, i: int, places: range, modes: int, steps: int) -> list[SpecialPoint]:
+def _locate(branch: Branch, i: int, places: range, modes: int) -> list[SpecialPoint]:
     """Where between rows i and i + 1 the multipliers at these places, by size, cross the unit
     circle away from a fold.
     """
     scale, system = branch.path.scale, branch.path.system()
-    start, end = (np.append(branch.unknowns[j], branch.values[j] / scale) for j in (i, i + 1))
-    length = float(np.linalg.norm(end - start))
-    along = (end - start) / length
+    first, last = (np.append(branch.unknowns[j], branch.values[j] / scale) for j in (i, i + 1))
+    length = float(np.linalg.norm(last - first))
+    along = (last - first) / length
 
     @cache
     def at(s: float) -> tuple[NDArray, NDArray]:
         """A point of the branch between the two, and its multipliers."""
-        step = correct(system, start + s * along, along)
+        step = correct(system, first + s * along, along)
         if step is None:
             raise NoConvergence(f"The branch was lost between its points {i} and {i + 1}; use a "
                                 "smaller `max_step`.")
         problem = branch.path.at(step.parameter * scale)
-        eq = problem.equations
-        values, _ = multipliers(split(eq.model, eq.speed, modes),
-                                step.y.reshape(1, len(eq.linear), -1) * eq.length,
-                                problem.centre[None], steps, eq.revolutions)
-        return np.append(step.y, step.parameter), values[0]
+        eq, centre = problem.equations, problem.centre[None]
+        local = step.y.reshape(1, len(eq.linear), -1) * eq.length
+        start = _start(eq, local, centre, modes, STEPS)
+        d = disturbance(eq, local, centre, FINE, *background(eq, local, centre))
+        exponents = roots(d, _leading(_believed(d, *start), d.step, start[0].shape[1]))[0]
+        values = np.exp(2 * np.pi / d.step * exponents)
+        return np.append(step.y, step.parameter), _largest_first(values, values)[0]
 
     def margin(s: float, place: int) -> float:
         return float(abs(at(s)[1][place])) - 1
@@ -381,7 +514,8 @@ def _locate(branch: Branch, i: int, places: range, modes: int, steps: int) -> li
         if (real and mu.real > 0) or any(abs(p.value - point[-1] * scale) < 10 * CROSSING * scale
                                          for p in found):
             continue  # a fold, which the branch has; or the other of a pair
-        kind = "flip" if real else f"Neimark–Sacker, {math.degrees(abs(np.angle(mu))):.1f}° a revolution,"
+        angle = math.degrees(abs(np.angle(mu)))
+        kind = "flip" if real else f"Neimark–Sacker, {angle:.1f}° a revolution,"
         value = float(point[-1]) * scale
         found.append(SpecialPoint(kind, value, i, point[:-1], branch.path.say(value, 5)))
     return found

@@ -68,8 +68,7 @@ class Legs:
         rows = [0, *(fold.after + 1 for fold in folds), len(values)]
         legs = [Leg(float(min(ends[i:i + 2])), float(max(ends[i:i + 2])), slice(*rows[i:i + 2]))
                 for i in range(len(rows) - 1)]
-        most = getattr(self.branch.method, "max_folds", math.inf)  # a sweep stops before a fold
-        return tuple(legs[:-1] if len(folds) >= most else legs)
+        return tuple(legs[:-1] if len(folds) >= self.branch.method.max_folds else legs)
 
     @property
     def reach(self) -> float:
@@ -140,7 +139,7 @@ class Legs:
 
 
 def legs_of(machine: Machine) -> Legs:
-    """The branch of a machine at its rated speed, guarded stability and all.
+    """The branch of a machine at its rated speed, counted stability and all.
 
     Raises BadInput for a machine without an air gap or at rest, NoConvergence where there is no
     first steady state.

@@ -37,7 +37,7 @@ class BranchView(View):
     """The branch of a machine as its numbers change, and its orbits at one eccentricity.
 
     Call it with an eccentricity (%) and values of some of `numbers`. The points of the last branch
-    are moved to the new one; stability is without the slow guards, so a point in doubt is dotted.
+    are moved to the new one; stability is a quick look, so a point in doubt is dotted.
     Where there is no branch it says so and leaves the last one in grey.
 
     numbers: by name, the key that `vary` takes, its value on the card, and that as it is shown.
@@ -166,13 +166,13 @@ class BranchView(View):
         """
         if ratios == self._ratios:
             orbits = orbits_at(self.legs.branch, eccentricity)[:SEVERAL]
-            return orbits, [f.verdict for f in floquet_all(orbits, guard=False)]
+            return orbits, [f.verdict for f in floquet_all(orbits, quick=True)]
         changes = {self.numbers[name][0]: ratio * self.numbers[name][1]
                    for name, ratio in ratios.items()}
         branch = update_branch(self.legs.branch, vary(self.machine, changes).model(),
                                self.machine.speed)
         orbits = orbits_at(branch, eccentricity)[:SEVERAL]
-        points = floquet_all([*branch, *orbits], guard=False)  # all in one batch
+        points = floquet_all([*branch, *orbits], quick=True)  # all in one batch
         self.legs, self._ratios = Legs(branch, points[:len(branch)]), ratios
         return orbits, [point.verdict for point in points[len(branch):]]
 

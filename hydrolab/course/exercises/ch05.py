@@ -75,14 +75,14 @@ def trapped(answer: list[float]) -> str:
     row, steps = (int(value) for value in answer)
     if not (0 <= row < len(branch()) and 1 <= steps <= MOST_STEPS):
         return f"a point from 0 to {len(branch()) - 1} and from 1 to {MOST_STEPS} steps are asked for; these are {answer}."
-    orbit, guarded = branch()[row], floquet(branch()[row])
+    orbit, counted = branch()[row], floquet(branch()[row])
     product = strang_product(split(model(), rpm(150), 2), orbit.coefficients[None],
                              orbit.centre[None], steps)[0]
     largest = abs(np.linalg.eigvals(product)).max()
-    caught = largest < 1 and guarded.verdict == "unstable"
+    caught = largest < 1 and counted.verdict == "unstable"
     return (f"noted. At point {row}, {branch().path.say(branch().values[row])}, {steps} steps give "
             f"{largest:.3f} and the "
-            f"guarded product says {guarded.verdict}: "
+            f"count says {counted.verdict}: "
             f"{'a trap' if caught else 'no trap; look nearer to a fold'}.")
 
 
