@@ -7,6 +7,7 @@ import math
 from hydrolab.dynamics.batch import update_branch
 from hydrolab.dynamics.branches import Arclength, follow, orbits_at, sweep
 from hydrolab.dynamics.ensemble import basins
+from hydrolab.dynamics.escape import arrivals, integrity
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import ellipse, self_crossings
 from hydrolab.dynamics.integrate import CentralDifference, Newmark, RungeKutta, integrate
@@ -23,13 +24,10 @@ from hydrolab.machine.pull import CircularPull, LinearPull, ShapedPull
 __version__ = "0.1.0"
 __all__ = [
     "Arclength", "BadInput", "CentralDifference", "CircularPull", "Contact", "HarmonicBalance",
-    "LinearPull",
-    "Newmark", "NoConvergence", "RungeKutta", "ShapedPull", "basins", "branch_stability",
-    "campbell", "card_names",
-    "card_text", "drift", "ellipse", "floquet", "follow", "integrate", "load_machine", "modes", "newton",
-    "orbits_at",
-    "poincare", "powell_dog_leg", "reduce", "rpm", "self_crossings", "stable_orbits_at",
-    "steady_map", "sweep",
+    "LinearPull", "Newmark", "NoConvergence", "RungeKutta", "ShapedPull", "arrivals", "basins",
+    "branch_stability", "campbell", "card_names", "card_text", "drift", "ellipse", "floquet",
+    "follow", "integrate", "integrity", "load_machine", "modes", "newton", "orbits_at", "poincare",
+    "powell_dog_leg", "reduce", "rpm", "self_crossings", "stable_orbits_at", "steady_map", "sweep",
     "sweep_in_time", "truncation_error", "update_branch", "vary",
 ]
 

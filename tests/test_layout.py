@@ -3,11 +3,15 @@ names.
 """
 
 import ast
+import importlib
 import json
 import re
+import statistics
 import subprocess
 import sys
 import tomllib
+from collections.abc import Iterator
+from itertools import combinations
 from pathlib import Path
 
 import pytest
@@ -29,7 +33,16 @@ LAYERS = [
 ]
 RANK = {name: rank for rank, names in enumerate(LAYERS) for name in names}
 
+HEAVY = {"matplotlib", "ipywidgets", "anywidget", "viser", "sympy", "IPython", "jupyterlab",
+         "jupyter_server", "xarray", "nbformat", "nbclient", "nbdime"}
+
 TOP_LEVEL = {"pyproject.toml", "book", "hydrolab", "tests", "environment-notes.md", "README.md"}
+# packages whose functions and docstrings are held to the rules below
+TIDY = ("hydrolab.course", "hydrolab.cli", "hydrolab.addresses", "hydrolab.progress",
+        "hydrolab.errors")
+# how a docstring may name an argument besides by its name
+SYMBOLS = {"speed": ("Ω",), "stiffness": ("k",), "damping": ("c",), "mass": ("m",), "gap": ("g0",),
+           "u": ("displacement",), "harmonics": ("m",), "harmonic": ("k",), "phase": ("φ",)}
 BUILT = {"hydrolab-book", "hydrolab-study", "build", "dist"}  # made by commands, never committed
 
 
@@ -40,6 +53,7 @@ def module_name(path: Path) -> str:
 
 MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))
            if "_book" not in path.parts}
+PACKAGES = [name for name, path in MODULES.items() if path.name == "__init__.py"]
 TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
 
 
@@ -86,6 +100,12 @@ def imports(module: str, tree: ast.Module, *, deferred: bool = True) -> set[str]
     return {name for name in found if name.split(".")[0] == "hydrolab"}
 
 
+def for_types(tree: ast.Module, module: str) -> set[str]:
+    """Return the hydrolab modules that a module imports for annotations only."""
+    return {name for node in tree.body if is_for_types(node)
+            for name in imports(module, ast.Module(node.body, []))}
+
+
 @pytest.mark.parametrize("module", MODULES)
 def test_imports_point_one_way(module):
     for imported in imports(module, TREES[module]):
@@ -93,7 +113,10 @@ def test_imports_point_one_way(module):
 
 
 def test_imports_have_no_cycle():
-    graph = {name: imports(name, tree, deferred=False) for name, tree in TREES.items()}
+    """Also none that an import inside a function would hide; a package's list of names aside."""
+    graph = {name: {found for found in imports(name, tree) - for_types(tree, name)
+                    if found not in PACKAGES}
+             for name, tree in TREES.items() if name not in PACKAGES}
 
     def walk(name: str, path: tuple[str, ...]) -> None:
         assert name not in path, f"imports in a circle: {' → '.join((*path, name))}"
@@ -105,6 +128,27 @@ def test_imports_have_no_cycle():
     done: set[str] = set()
     for name in graph:
         walk(name, ())
+
+
+def outside(module: str, seen: set[str]) -> set[str]:
+    """The packages other than hydrolab that importing a module loads, by its text."""
+    if module in seen or module not in TREES:
+        return set()
+    seen.add(module)
+    found = {name.split(".")[0] for node in ast.walk(TREES[module])
+             if isinstance(node, ast.Import) for name in [node.names[0].name]}
+    found |= {node.module.split(".")[0] for node in TREES[module].body
+              if isinstance(node, ast.ImportFrom) and node.module}
+    for inner in imports(module, TREES[module], deferred=False):
+        found |= outside(inner, seen)
+    return found
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_an_import_waits_only_for_a_heavy_library(module):
+    late = imports(module, TREES[module]) - imports(module, TREES[module], deferred=False)
+    for imported in late - for_types(TREES[module], module):
+        assert outside(imported, set()) & HEAVY, f"{module}: import {imported} at its top"
 
 
 def test_the_solvers_do_not_know_machines():
@@ -143,9 +187,7 @@ def loaded_by(statement: str) -> set[str]:
 
 @pytest.mark.parametrize("statement", ["import hydrolab", "import hydrolab.cli"])
 def test_the_import_is_light(statement):
-    heavy = {"matplotlib", "ipywidgets", "viser", "sympy", "IPython", "jupyterlab",
-             "jupyter_server"}
-    assert not heavy & loaded_by(statement)
+    assert not HEAVY & loaded_by(statement)
 
 
 def public_definitions(tree: ast.Module):
@@ -168,6 +210,71 @@ def test_every_public_name_is_documented(module):
     assert not tree.body or ast.get_docstring(tree), f"{module} does not say what it is"
     missing = [name for name, node in public_definitions(tree) if not ast.get_docstring(node)]
     assert not missing, f"{module}: no docstring on {', '.join(missing)}"
+
+
+def is_near(one: str, other: str) -> bool:
+    """Tell whether two names are the same or differ by one letter, put in or changed."""
+    short, long = sorted((one, other), key=len)
+    if len(short) == len(long):
+        return sum(a != b for a, b in zip(short, long, strict=True)) <= 1
+    return any(long[:i] + long[i + 1:] == short for i in range(len(long)))
+
+
+def test_no_two_modules_are_taken_for_each_other():
+    """`model` and `modes` stay: both are the field's own words."""
+    names = sorted(name.rpartition(".")[2] for name in MODULES
+                   if name not in PACKAGES and ".exercises." not in name)
+    near = {pair for pair in combinations(names, 2) if is_near(*pair)} - {("model", "modes")}
+    assert not near
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_says_what_is_in_it(package):
+    assert len(ast.get_docstring(TREES[package]).splitlines()) <= 15
+    names = importlib.import_module(package).__all__
+    assert len(set(names)) == len(names)
+    assert all(hasattr(sys.modules[package], name) for name in names)
+
+
+def functions(tree: ast.AST) -> Iterator[ast.FunctionDef]:
+    """Every function of a module, methods and inner ones too."""
+    return (node for node in ast.walk(tree)
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
+
+
+def test_functions_are_short():
+    lengths = {f"{module}.{node.name}": node.end_lineno - node.lineno + 1
+               for module, tree in TREES.items() for node in functions(tree)}
+    assert statistics.median(lengths.values()) <= 8
+    long = {name: length for name, length in lengths.items() if length > 50}
+    assert not {name for name in long if name.startswith(TIDY)}, long
+
+
+def arguments(node: ast.FunctionDef) -> list[str]:
+    """The names of a function's arguments, without self."""
+    given = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+    return [arg.arg for arg in given if arg.arg not in ("self", "cls") and arg.arg[0] != "_"]
+
+
+def is_named(argument: str, words: str) -> bool:
+    """Tell whether a docstring names an argument: as it is written, as words, or by its symbol."""
+    forms = {argument, argument.replace("_", " "), *SYMBOLS.get(argument, ())}
+    return any(re.search(rf"(?<!\w){re.escape(form)}(?!\w)", words) for form in forms)
+
+
+@pytest.mark.parametrize("module", [name for name in MODULES if name.startswith(TIDY)])
+def test_every_argument_is_named(module):
+    """Of a public function with two or more, in its docstring or its class's."""
+    classes = {node.name: ast.get_docstring(node) or "" for node in TREES[module].body
+               if isinstance(node, ast.ClassDef)}
+    unnamed = {}
+    for name, node in public_definitions(TREES[module]):
+        if isinstance(node, ast.ClassDef) or len(arguments(node)) < 2:
+            continue
+        words = f"{ast.get_docstring(node)} {classes.get(name.partition('.')[0], '')}"
+        if missing := [arg for arg in arguments(node) if not is_named(arg, words)]:
+            unnamed[name] = missing
+    assert not unnamed
 
 
 def project_files() -> list[Path]:

@@ -3,7 +3,7 @@
 `harmonic_balance` finds a periodic orbit, `branches` follows it through folds with `continuation`,
 `stability` says which orbits last, `batch` solves many at once and `maps` over two parameters.
 `integrate` moves in time, `ensemble` many motions side by side, `slow_change` a parameter while
-they move. `modes`, `reduction` and
+they move; `escape` is how they leave. `modes`, `reduction` and
 `equilibrium` are the linear machine; `harmonics` holds sums of harmonics, `results` what comes out.
 A function that bears its module's name, `modes` or `integrate`, is imported from `hydrolab`.
 """
@@ -11,6 +11,7 @@ A function that bears its module's name, `modes` or `integrate`, is imported fro
 from hydrolab.dynamics.branches import Arclength, arclength, follow, locate_fold, orbits_at, sweep
 from hydrolab.dynamics.ensemble import basins, split
 from hydrolab.dynamics.equilibrium import equilibrium, largest_offset
+from hydrolab.dynamics.escape import arrivals, integrity
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance, first_guess
 from hydrolab.dynamics.harmonics import ellipse, fit, fourier_rows, rates, synthesise
 from hydrolab.dynamics.maps import steady_map
@@ -26,9 +27,9 @@ from hydrolab.dynamics.stability import (
 )
 
 __all__ = [
-    "Arclength", "Branch", "HarmonicBalance", "PeriodicOrbit", "arclength", "basins",
+    "Arclength", "Branch", "HarmonicBalance", "PeriodicOrbit", "arclength", "arrivals", "basins",
     "branch_stability", "drift", "ellipse", "equilibrium", "first_guess", "fit", "floquet",
-    "floquet_all", "follow", "fourier_rows", "largest_offset", "locate_fold", "orbits_at",
-    "poincare", "rates", "split", "stable_orbits_at", "steady_map", "strang_product", "sweep",
-    "sweep_in_time", "synthesise", "undamped_frequencies",
+    "floquet_all", "follow", "fourier_rows", "integrity", "largest_offset", "locate_fold",
+    "orbits_at", "poincare", "rates", "split", "stable_orbits_at", "steady_map", "strang_product",
+    "sweep", "sweep_in_time", "synthesise", "undamped_frequencies",
 ]

@@ -16,7 +16,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.branches import follow, path
+from hydrolab.dynamics.branches import Arclength, follow, path
 from hydrolab.dynamics.continuation import Step, locate_fold
 from hydrolab.dynamics.harmonic_balance import Condensed
 from hydrolab.dynamics.harmonics import fourier_rows
@@ -197,6 +197,8 @@ def update_branch(branch: Branch, model: Model, speed: float | None = None) -> B
     if branch.parameter != "static_eccentricity":
         raise BadInput(f"the branch runs along {branch.parameter}; only branches along "
                        "static_eccentricity can be moved.")
+    if not isinstance(branch.method, Arclength):  # a sweep, which knows no steps along a branch
+        branch = replace(branch, method=Arclength(branch.method))
     balance = branch.method.balance
     if type(model.law) is not CircularPull:
         return _afresh(branch, model, speed)
@@ -228,14 +230,15 @@ def update_branch(branch: Branch, model: Model, speed: float | None = None) -> B
 
 
 def _afresh(branch: Branch, model: Model, speed: float) -> Branch:
-    first, direction, method = branch.path.first, float(np.arctan2(*branch.direction)), branch.method
+    first, method = branch.path.first, branch.method
+    direction = float(np.arctan2(*branch.direction))
     try:
         start = method.balance.solve(model, speed, first, direction=direction, start=branch[0])
     except (NoConvergence, Contact):
         start = None
-    return follow(model, speed=speed, to=float(np.copysign(0.5, branch.values[1] - first)),
-                  method=method,
-                  static_eccentricity=first, direction=direction, start=start)
+    ahead = np.copysign(0.5, np.diff(branch.values[:2]).sum())  # also from a lone point
+    return follow(model, speed=speed, to=float(ahead), method=method, static_eccentricity=first,
+                  direction=direction, start=start)
 
 
 def _normals(z: NDArray) -> NDArray:

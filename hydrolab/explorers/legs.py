@@ -68,7 +68,8 @@ class Legs:
         rows = [0, *(fold.after + 1 for fold in folds), len(values)]
         legs = [Leg(float(min(ends[i:i + 2])), float(max(ends[i:i + 2])), slice(*rows[i:i + 2]))
                 for i in range(len(rows) - 1)]
-        return tuple(legs[:-1] if len(folds) >= self.branch.method.max_folds else legs)
+        most = getattr(self.branch.method, "max_folds", math.inf)  # a sweep stops before a fold
+        return tuple(legs[:-1] if len(folds) >= most else legs)
 
     @property
     def reach(self) -> float:

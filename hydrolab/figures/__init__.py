@@ -9,6 +9,7 @@ from hydrolab.figures.drawing import REVOLUTION, draw_orbit
 from hydrolab.figures.jumps import (
     basins_picture,
     hysteresis_picture,
+    integrity_picture,
     map_picture,
     multipliers_picture,
 )
@@ -28,6 +29,6 @@ from hydrolab.figures.style import COLOURS, house_style, new_figure, plane
 __all__ = [
     "COLOURS", "Picture", "REVOLUTION", "basins_picture", "branch_picture", "draw_orbit",
     "figure_3", "figure_4", "figure_5", "figure_6", "figure_7", "house_style",
-    "hysteresis_picture", "map_picture", "multipliers_picture", "new_figure", "orbit_picture",
-    "path_of", "plane", "study_pictures",
+    "hysteresis_picture", "integrity_picture", "map_picture", "multipliers_picture", "new_figure",
+    "orbit_picture", "path_of", "plane", "study_pictures",
 ]

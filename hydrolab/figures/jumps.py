@@ -10,6 +10,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
 from hydrolab.dynamics.ensemble import CONTACT, OTHER, Basins
+from hydrolab.dynamics.escape import Integrity
 from hydrolab.dynamics.results import Branch
 from hydrolab.dynamics.slow_change import Passage
 from hydrolab.dynamics.stability import Floquet
@@ -98,6 +99,30 @@ def basins_picture(found: Basins, names: Sequence[str]) -> Picture:
     words = listed([f"{100 * share:.0f} % end in {label}" for label, share in shares.items()
                     if share])
     return Picture(figure, f"Of {found.ends.size} starts off {names[0]} (+), at phase 0, {words}.")
+
+
+@house_style()
+def integrity_picture(branch: Branch, found: Integrity,
+                      stability: Sequence[Floquet] | None = None) -> Picture:
+    """The x amplitude of 1X along a branch, and under it how the safe part of the basin shrinks on
+    its first leg.
+    """
+    figure = new_figure(9.5, 8)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    draw_branch(upper, branch, lambda c: np.hypot(c[..., 0, 1], c[..., 0, 2]), stability)
+    upper.set(ylabel="1X of x, µm, 0-to-peak", title="Steady states")
+    upper.legend(loc="upper right")
+    values = 100 * found.values
+    for share, colour, style, label in ((found.safe, BLUE, "-", "do not touch"),
+                                        (found.returning, ORANGE, "--", "come back to the orbit")):
+        lower.plot(values, 100 * share, style, color=colour, label=label)
+    if np.isfinite(found.fold):
+        lower.axvline(100 * found.fold, color=COLOURS["fold"], linewidth=1.2, label="fold")
+    lower.set(xlabel="static eccentricity, % of the gap", ylim=(0, None),
+              ylabel=f"safe pushes, % of those at {percent(found.values[0])}",
+              title="How much push the first leg stands")
+    lower.legend(loc="lower left")
+    return Picture(figure, str(found))
 
 
 @house_style()

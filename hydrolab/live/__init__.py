@@ -2,9 +2,9 @@
 
 `scene` holds the machine (`solids`, `bodies`, `surroundings`) and moves it (`poses`,
 `moving_orbit`); `server` opens it, `gate` lets in a room, `panel` has the controls, `run_sheet`
-plays a lecture, `recording` writes a file that plays alone; `command` and `notebook` start it.
+plays a lecture, `recording` writes a file that plays alone; `command` and `cell` start it.
 """
 
-from hydrolab.live.notebook import show
+from hydrolab.live.cell import show
 
 __all__ = ["show"]

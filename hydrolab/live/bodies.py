@@ -1,5 +1,4 @@
-"""The parts of the 3D machine as nodes of the scene: what stands still and what moves by its pose.
-"""
+"""The parts of the 3D machine in its scene: what stands still and what moves by its pose."""
 
 from __future__ import annotations
 
@@ -15,15 +14,26 @@ from viser import ViserServer
 
 from hydrolab.figures.style import COLOURS
 from hydrolab.live import solids
-from hydrolab.live.poses import STUB
+from hydrolab.live.poses import STUB, drawn_rotor_radius, out_of_round
 from hydrolab.machine.parts import Machine, RigidBody
 
-# where the camera of the first view stands, and with it the cut in the stator
+# where the camera of the first view stands, and with it the cut in stator and bearings
 AZIMUTH = math.radians(-58)
 CUT = math.radians(50)  # half of the sector that is cut away
-BLADES = 5
+UNCUT = AZIMUTH + CUT, AZIMUTH + 2 * math.pi - CUT
 LEFT = np.array([math.sin(AZIMUTH), -math.cos(AZIMUTH), 0.0])  # to the left of the first view
+BLADES = 5
 TIP = 1.75  # a runner's blades reach so far beyond the solid disc of its mass and inertia
+POLES = 32  # drawn where the card names none
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)
+PAINT = COLOURS["unstable"]  # on whatever turns, so that its turning is seen
+# of a runner's hub, (radius, height) over the radius of its disc
+HUB = [[0.001, -0.95], [0.16, -0.9], [0.42, -0.62], [0.62, -0.25], [0.66, 0.1], [0.58, 0.34],
+       [0.3, 0.46], [0.001, 0.46]]
+# of the parts in the gap; `gap_solids` has their shapes
+GAP_COLOURS = {"/stator/wall": "#486082", "/stator/rims": "#1C2A3E", "/stator/winding": "#B86834",
+               "/rotor/rim": "#3A4656", "/rotor/spider": "#8FA3B3", "/rotor/poles": "#0072B2",
+               "/rotor/other poles": "#56B4E9", "/rotor/painted pole": PAINT}
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
@@ -36,8 +46,8 @@ def linear_rgb(colours: NDArray) -> NDArray:
     all does not).
     """
     c = np.asarray(colours)
-    return np.round(255 * np.where(c <= 0.04045, c / 12.92,
-                                   ((c + 0.055) / 1.055) ** 2.4)).astype(np.uint8)
+    linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    return np.round(255 * linear).astype(np.uint8)
 
 
 def orbit_colours(away: NDArray, largest: float) -> NDArray:
@@ -71,12 +81,10 @@ def sizes_of(machine: Machine) -> Sizes:
     stator = gap.mean_radius + gap.gap / 2 if gap else 0.0
     if machine.shaft is None:
         return Sizes(stator, gap.length if gap else 0.5, 0.12, STUB, -STUB)
-    length = machine.shaft.length
-    ends = [0.0, -length] + [-(float(machine.shaft.nodes[b.node]) + b.offset)
-                             for b in machine.bodies]
-    return Sizes(stator, gap.length if gap else 0.0,
-                 min(float(machine.shaft.diameter.max()) / 2, 0.022 * length),
-                 max(ends), min(ends))
+    nodes, length = machine.shaft.nodes, machine.shaft.length
+    ends = [0.0, -length, *(-float(nodes[body.node] + body.offset) for body in machine.bodies)]
+    radius = min(float(machine.shaft.diameter.max()) / 2, 0.022 * length)
+    return Sizes(stator, gap.length if gap else 0.0, radius, max(ends), min(ends))
 
 
 def disc_radius(body: RigidBody) -> float:
@@ -90,7 +98,8 @@ def is_runner(machine: Machine, body: RigidBody) -> bool:
     """Whether a body is drawn as a Kaplan runner: at the lower end of a shaft that carries a
     generator.
     """
-    return machine.air_gap is not None and machine.shaft is not None and body.node == len(machine.shaft.nodes) - 1
+    below = machine.shaft is not None and body.node == machine.nodes - 1
+    return below and machine.air_gap is not None
 
 
 def drawn_radius(machine: Machine, body: RigidBody) -> float:
@@ -98,158 +107,208 @@ def drawn_radius(machine: Machine, body: RigidBody) -> float:
     return (TIP if is_runner(machine, body) else 1.0) * disc_radius(body)
 
 
+def bearing_places(machine: Machine, radius: float) -> dict[str, float]:
+    """Height of each bearing's middle in the scene, m, for a shaft of the drawn radius.
+
+    Bearings of one node stand one below the other. A point mass hangs on its springs, which are the
+    drawn shaft; any other bearing of it stands below it.
+    """
+    places: dict[str, float] = {}
+    taken: dict[int, int] = {}
+    top = -0.5 * (machine.air_gap.length if machine.air_gap else 0.2) - 3 * radius
+    for bearing in machine.all_bearings:
+        if machine.shaft is None and bearing in machine.bearings:
+            continue
+        above = taken[bearing.node] = taken.get(bearing.node, -1) + 1
+        depth = -float(machine.shaft.nodes[bearing.node]) if machine.shaft else top
+        places[bearing.name] = depth - 2.8 * radius * above
+    return places
+
+
+def gap_solids(machine: Machine, sizes: Sizes, factor: float) -> dict[str, solids.Solid]:
+    """The stator, cut away, and the generator's rotor, with a gap and shapes drawn `factor` times
+    as large: poles as many as the card says, in two colours and one painted.
+    """
+    inner, height = sizes.stator, sizes.height
+    half, rim, coil = 0.62 * height, 0.05 * height, 0.16 * height
+    wall = solids.ring(inner, 1.16 * inner, -half, half, *UNCUT, 96)
+    rims = [solids.ring(inner, 1.16 * inner, z, z + rim, *UNCUT, 96) for z in (-half - rim, half)]
+    coils = [solids.swept(np.array([[1.02 * inner, z], [1.07 * inner, z], [1.08 * inner, z + coil],
+                                    [1.03 * inner, z + coil]]), UNCUT[0] + 0.02, UNCUT[1] - 0.02,
+                          96) for z in (-half - rim - coil, half + rim)]
+    still = {"wall": wall, "rims": solids.joined(*rims), "winding": solids.joined(*coils)}
+
+    radius = drawn_rotor_radius(inner, machine.air_gap.gap, factor)
+    poles = 2 * machine.poles.pole_pairs if machine.poles else POLES
+    wide = 0.36 * 2 * math.pi / poles
+    pole = solids.ring(0.9 * radius, radius, -height / 2, height / 2, -wide, wide,
+                       2 * math.ceil(20 * wide))
+    around = [solids.turned(pole, 2 * math.pi * k / poles) for k in range(poles)]
+    arm = solids.box(0.05 * radius, 0.77 * radius, 0.12 * radius, -0.2 * height, 0.12 * height)
+    arms = [solids.turned(arm, 2 * math.pi * k / 6) for k in range(6)]
+    turning = {"rim": solids.ring(0.8 * radius, 0.9 * radius, -0.42 * height, 0.42 * height),
+               "spider": solids.joined(*arms, solids.ring(0.001, 0.2 * radius, -0.5 * height,
+                                                          0.3 * height)),
+               "other poles": solids.joined(*around[1::2]), "painted pole": around[0]}
+    if poles > 2:
+        turning["poles"] = solids.joined(*around[2::2])
+    shapes = {side: out_of_round(machine, side, factor) for side in ("stator", "rotor")}
+    return {f"/{side}/{name}": solids.widened(solid, 0.95 * edge, shapes[side])
+            for side, edge, parts in (("stator", inner, still), ("rotor", radius, turning))
+            for name, solid in parts.items()}
+
+
 @dataclass(eq=False)
-class Nodes:
-    """Handles of what changes: meshes by name, and whatever moves by its pose."""
+class Parts:
+    """The machine in a scene.
 
-    meshes: dict[str, Any] = field(default_factory=dict)
+    gap: meshes that change with the exaggeration, by path. moving: what moves by its pose, by
+    name. riding: the names of what rides on a station of `poses.Stations`, with the station and
+    whether it spins.
+    """
+
+    server: ViserServer
+    machine: Machine
+    sizes: Sizes
+    gap: dict[str, Any] = field(default_factory=dict)
     moving: dict[str, Any] = field(default_factory=dict)
+    riding: list[tuple[str, int, bool]] = field(default_factory=list)
 
+    def add(self, depths: NDArray, factor: float) -> None:
+        """Add all parts. depths: of the shaft's nodes as drawn, m. factor: the exaggeration."""
+        machine, stations = self.machine, len(depths)
+        self.add_shaft(depths)
+        for bearing in machine.thrust_bearings:
+            self.add_thrust(bearing)
+        self.add_guides()
+        if machine.air_gap:
+            self.add_gap(factor)
+            self.add_pull(0.06 * self.sizes.unit)
+        for station, body in enumerate(machine.bodies, stations):
+            if not (machine.air_gap and body.name == machine.air_gap.body):
+                self.add_body(body)
+            self.riding.append((body.name, station, True))
+        for station, crack in enumerate(machine.cracks, stations + len(machine.bodies)):
+            self.add_crack(crack)
+            self.riding.append((f"crack {crack.name}", station, True))
 
-def rotor_solids(machine: Machine, radius: float) -> dict[str, solids.Solid]:
-    """The generator's rotor with the drawn radius: rim, spider, and its poles in two colours and
-    one painted.
-    """
-    height, poles = machine.air_gap.length, 32
-    depth = 0.1 * radius
-    block = solids.box(radius - depth, depth, 0.72 * 2 * math.pi * radius / poles, -height / 2,
-                       height / 2)
-    around = [solids.turned(block, 2 * math.pi * k / poles) for k in range(poles)]
-    rim = solids.ring(0.8 * radius, radius - depth, -0.42 * height, 0.42 * height, steps=96)
-    arms = [solids.turned(solids.box(0.05 * radius, 0.77 * radius, 0.12 * radius, -0.2 * height,
-                                     0.12 * height),
-                          2 * math.pi * k / 6) for k in range(6)]
-    hub = solids.ring(0.001, 0.2 * radius, -0.5 * height, 0.3 * height)
-    return {"rim": rim, "spider": solids.joined(*arms, hub), "poles": solids.joined(*around[2::2]),
-            "other poles": solids.joined(*around[1::2]), "painted pole": around[0]}
+    def solid(self, path: str, solid: solids.Solid, colour: str, flat: bool = True,
+              **look: Any) -> Any:
+        """Add one solid; without `flat` its edges are smooth."""
+        return self.server.scene.add_mesh_simple(
+            path, *solid, color=rgb(colour), flat_shading=flat,
+            **{"receive_shadow": False, **look})
 
+    def frame(self, name: str, path: str) -> None:
+        """Add a frame that carries what lies under its path."""
+        self.moving[name] = self.server.scene.add_frame(path, show_axes=False)
 
-def add_rotor(server: ViserServer, nodes: Nodes, machine: Machine, radius: float) -> None:
-    """The generator's rotor; its meshes are replaced when the exaggeration changes."""
-    nodes.moving[machine.air_gap.body] = server.scene.add_frame("/rotor", show_axes=False)
-    colours = {"rim": "#3A4656", "spider": "#8FA3B3", "poles": "#0072B2", "other poles": "#56B4E9",
-               "painted pole": COLOURS["unstable"]}
-    for name, solid in rotor_solids(machine, radius).items():
-        nodes.meshes[name] = server.scene.add_mesh_simple(f"/rotor/{name}", *solid,
-                                                          color=rgb(colours[name]),
-                                                          flat_shading=True, receive_shadow=False)
+    def bones(self, name: str, path: str, solid: solids.Solid, places: NDArray, weights: NDArray,
+              colour: str, **look: Any) -> None:
+        """Add a solid that bends with bones at `places`, (B, 3)."""
+        self.moving[name] = self.server.scene.add_mesh_skinned(
+            path, solid[0].astype(np.float32), solid[1].astype(np.uint32),
+            bone_wxyzs=np.tile(UPRIGHT, (len(places), 1)), bone_positions=places,
+            skin_weights=weights.astype(np.float32), color=rgb(colour), **look)
 
+    def add_shaft(self, depths: NDArray) -> None:
+        """The shaft: one skinned mesh with a bone at each node."""
+        tube = solids.tube(self.sizes.shaft, -float(depths[-1]), -float(depths[0]), 97)
+        places = np.column_stack([np.zeros((len(depths), 2)), -depths])
+        self.bones("shaft", "/shaft", tube, places, solids.hat_weights(-tube[0][:, 2], depths),
+                   "#A4AEBA", receive_shadow=False)
 
-def add_stator(server: ViserServer, nodes: Nodes, sizes: Sizes) -> None:
-    """The stator, cut away towards the first view: a clear wall between dark rims, and the ends of
-    its copper winding.
-    """
-    inner, outer, half = sizes.stator, 1.16 * sizes.stator, 0.62 * sizes.height
-    start, end = AZIMUTH + CUT, AZIMUTH + 2 * math.pi - CUT
-    nodes.moving["stator"] = server.scene.add_frame("/stator", show_axes=False)
-    rim, coil = 0.05 * sizes.height, 0.16 * sizes.height
-    wall = solids.ring(inner, outer, -half, half, start, end, 96)
-    rims = [solids.ring(inner, outer, z, z + rim, start, end, 96) for z in (-half - rim, half)]
-    low, high = 1.02 * inner, 1.07 * inner
-    coils = [solids.swept(np.array([[low, z], [high, z], [high + 0.01 * inner, z + coil],
-                                    [low + 0.01 * inner, z + coil]]),
-                          start + 0.02, end - 0.02, 96) for z in (-half - rim - coil, half + rim)]
-    still = {"flat_shading": True, "receive_shadow": False}
-    server.scene.add_mesh_simple("/stator/wall", *wall, color=(72, 96, 130), opacity=0.38,
-                                 cast_shadow=False, **still)
-    server.scene.add_mesh_simple("/stator/rims", *solids.joined(*rims), color=(28, 42, 62), **still)
-    server.scene.add_mesh_simple("/stator/winding", *solids.joined(*coils), color=(184, 104, 52),
-                                 **still)
+    def add_gap(self, factor: float) -> None:
+        """Stator and rotor of the generator."""
+        self.frame("stator", "/stator")
+        self.frame(self.machine.air_gap.body, "/rotor")
+        for path, solid in gap_solids(self.machine, self.sizes, factor).items():
+            clear = {"opacity": 0.38, "cast_shadow": False} if path == "/stator/wall" else {}
+            self.gap[path] = self.solid(path, solid, GAP_COLOURS[path], **clear)
 
+    def dress_gap(self, factor: float) -> None:
+        """Draw the gap with another exaggeration."""
+        for path, (vertices, _) in gap_solids(self.machine, self.sizes, factor).items():
+            self.gap[path].vertices = vertices.astype(np.float32)
 
-def add_body(server: ViserServer, nodes: Nodes, machine: Machine, body: RigidBody) -> None:
-    """A body that is not the generator: a Kaplan runner at the lower end of the shaft, a disc
-    anywhere else.
-    """
-    radius, path = disc_radius(body), f"/bodies/{body.name}"
-    nodes.moving[body.name] = server.scene.add_frame(path, show_axes=False)
-    if is_runner(machine, body):
-        outline = [[0.001, -0.95], [0.16, -0.9], [0.42, -0.62], [0.62, -0.25], [0.66, 0.1],
-                   [0.58, 0.34], [0.3, 0.46],
-                   [0.001, 0.46]]
-        hub = solids.swept(np.array(outline) * radius)
-        plate = solids.blade(0.5 * radius, TIP * radius, 0.32)
-        around = [solids.turned(plate, 2 * math.pi * k / BLADES) for k in range(BLADES)]
-        server.scene.add_mesh_simple(f"{path}/hub", *hub, color=(66, 84, 92), receive_shadow=False)
-        server.scene.add_mesh_simple(f"{path}/blades", *solids.joined(*around[1:]),
-                                     color=rgb(COLOURS["stable"]),
-                                     side="double", receive_shadow=False)
-        server.scene.add_mesh_simple(f"{path}/painted", *around[0], color=rgb(COLOURS["unstable"]),
-                                     side="double",
-                                     receive_shadow=False)
-        return
-    thick = max(0.06 * radius, 0.02)
-    server.scene.add_mesh_simple(f"{path}/disc", *solids.ring(0.001, radius, -thick, thick),
-                                 color=rgb(COLOURS["rotor"]),
-                                 flat_shading=True, receive_shadow=False)
-    mark = solids.box(0.55 * radius, 0.44 * radius, 0.16 * radius, -1.05 * thick, 1.05 * thick)
-    server.scene.add_mesh_simple(f"{path}/mark", *mark, color=rgb(COLOURS["unstable"]),
-                                 flat_shading=True)
+    def add_body(self, body: RigidBody) -> None:
+        """A body that is not the generator: a Kaplan runner at the lower end of the shaft, a disc
+        anywhere else.
+        """
+        radius, path = disc_radius(body), f"/bodies/{body.name}"
+        self.frame(body.name, path)
+        if is_runner(self.machine, body):
+            plate = solids.blade(0.5 * radius, TIP * radius, 0.32)
+            around = [solids.turned(plate, 2 * math.pi * k / BLADES) for k in range(BLADES)]
+            self.solid(f"{path}/hub", solids.swept(np.array(HUB) * radius), "#42545C", flat=False)
+            self.solid(f"{path}/blades", solids.joined(*around[1:]), COLOURS["stable"], flat=False,
+                       side="double")
+            self.solid(f"{path}/painted", around[0], PAINT, flat=False, side="double")
+            return
+        thick = max(0.06 * radius, 0.02)
+        self.solid(f"{path}/disc", solids.ring(0.001, radius, -thick, thick), COLOURS["rotor"])
+        self.solid(f"{path}/mark", solids.box(0.55 * radius, 0.44 * radius, 0.16 * radius,
+                                              -1.05 * thick, 1.05 * thick), PAINT)
 
+    def add_guides(self) -> None:
+        """Every bearing that is no thrust bearing, in a housing cut towards the view."""
+        r = self.sizes.shaft
+        thrust = [bearing.name for bearing in self.machine.thrust_bearings]
+        places = bearing_places(self.machine, r)
+        for bearing in self.machine.all_bearings:
+            if bearing.name in thrust or bearing.name not in places:
+                continue
+            path, z = f"/bearings/{bearing.name}", places[bearing.name]
+            colour, sectors = self.inside_of(bearing)
+            pads = [solids.ring(1.9 * r, 3.0 * r, -r, r, *ends, 24) for ends in sectors]
+            housing = solids.ring(3.0 * r, 3.9 * r, -1.3 * r, 1.3 * r, *UNCUT)
+            self.solid(f"{path}/pads", solids.raised(solids.joined(*pads), z), colour)
+            self.solid(f"{path}/housing", solids.raised(housing, z), "#6E7680")
+            if bearing in self.machine.films:
+                oil = solids.raised(solids.ring(1.2 * r, 1.9 * r, -r, r), z)
+                self.solid(f"{path}/oil", oil, "#E8B93C", opacity=0.5, cast_shadow=False)
 
-def add_shaft(server: ViserServer, nodes: Nodes, depths: NDArray, radius: float) -> None:
-    """The shaft: one skinned mesh with a bone at each node."""
-    low, high = -float(depths[-1]), -float(depths[0])
-    vertices, faces = solids.tube(radius, low, high, 97)
-    weights = solids.hat_weights(-vertices[:, 2], depths)
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(depths), 1))
-    rest = np.column_stack([np.zeros((len(depths), 2)), -depths])
-    nodes.moving["shaft"] = server.scene.add_mesh_skinned(
-        "/shaft", vertices.astype(np.float32), faces.astype(np.uint32), bone_wxyzs=upright,
-        bone_positions=rest,
-        skin_weights=weights.astype(np.float32), color=(164, 174, 186), receive_shadow=False)
+    def inside_of(self, bearing: Any) -> tuple[str, list[tuple[float, float]]]:
+        """What a guide bearing holds, as a colour and sectors, rad: the bush of a film, the pads of
+        the card, all around so that they can be counted, or some that stand for any bearing.
+        """
+        if bearing in self.machine.films:
+            return "#96703C", [UNCUT]
+        if bearing in self.machine.pad_bearings:
+            x, z = bearing.law().directions
+            wide = min(0.25, 0.8 * math.pi / len(x))
+            return "#D69E24", [(a - wide, a + wide) for a in np.arctan2(z, x)]
+        return "#D69E24", [(a, a + 0.5) for a in np.arange(UNCUT[0] + 0.06, UNCUT[1] - 0.5, 0.62)]
 
+    def add_thrust(self, bearing: Any) -> None:
+        """A thrust bearing: a broad ring, and on it the collar, which moves with its node."""
+        r, z = self.sizes.shaft, bearing_places(self.machine, self.sizes.shaft)[bearing.name]
+        self.solid(f"/bearings/{bearing.name}",
+                   solids.raised(solids.ring(1.9 * r, 4.6 * r, -1.4 * r, -0.6 * r, *UNCUT), z),
+                   "#966E28")
+        collar = solids.ring(0.5 * r, 4.0 * r, -0.5 * r, 0.1 * r)
+        self.moving[bearing.name] = self.solid(f"/collars/{bearing.name}", collar, "#BEC4CA",
+                                               receive_shadow=True)
+        self.riding.append((bearing.name, bearing.node, False))
 
-def add_bearings(server: ViserServer, machine: Machine, sizes: Sizes) -> None:
-    """Guide bearings as pads in a housing cut towards the view; the thrust bearing as a broad ring
-    below a collar.
-    """
-    if machine.shaft is None:
-        return
-    start, end = AZIMUTH + CUT, AZIMUTH + 2 * math.pi - CUT
-    r = sizes.shaft
-    for bearing in machine.bearings:
-        z = -float(machine.shaft.nodes[bearing.node])
-        pads = [solids.ring(1.9 * r, 3.0 * r, -r, r, a, a + 0.5, 10)
-                for a in np.arange(start + 0.06, end - 0.5, 0.62)]
-        housing = solids.joined(solids.ring(3.0 * r, 3.9 * r, -1.3 * r, 1.3 * r, start, end))
-        path = f"/bearings/{bearing.name}"
-        server.scene.add_mesh_simple(f"{path}/pads", *solids.moved(solids.joined(*pads), z=z),
-                                     color=(214, 158, 36),
-                                     flat_shading=True, receive_shadow=False)
-        server.scene.add_mesh_simple(f"{path}/housing", *solids.moved(housing, z=z),
-                                     color=(110, 118, 128),
-                                     flat_shading=True, receive_shadow=False)
-    for bearing in machine.thrust_bearings:
-        z = -float(machine.shaft.nodes[bearing.node])
-        ring = solids.moved(solids.ring(1.9 * r, 4.6 * r, -1.4 * r, -0.6 * r, start, end), z=z)
-        server.scene.add_mesh_simple(f"/bearings/{bearing.name}", *ring, color=(150, 110, 40),
-                                     flat_shading=True,
-                                     receive_shadow=False)
+    def add_crack(self, crack: Any) -> None:
+        """A crack: its mouth on the surface of the shaft, as wide as its depth makes it."""
+        r = self.sizes.shaft
+        half = max(math.acos(1 - 2 * crack.depth), 0.1)
+        middle = math.pi / 2 - crack.phase
+        mouth = solids.ring(0.7 * r, 1.06 * r, -0.1 * r, 0.1 * r, middle - half, middle + half, 24)
+        self.frame(f"crack {crack.name}", f"/cracks/{crack.name}")
+        self.solid(f"/cracks/{crack.name}/mouth", mouth, PAINT)
 
-
-def add_collars(server: ViserServer, nodes: Nodes, machine: Machine, sizes: Sizes) -> None:
-    """The collar that rests on each thrust bearing; it moves with its node."""
-    for bearing in machine.thrust_bearings:
-        collar = solids.ring(0.5 * sizes.shaft, 4.0 * sizes.shaft, -0.5 * sizes.shaft,
-                             0.1 * sizes.shaft)
-        nodes.moving[bearing.name] = server.scene.add_mesh_simple(f"/collars/{bearing.name}",
-                                                                  *collar,
-                                                                  color=(190, 196, 202),
-                                                                  flat_shading=True)
-
-
-def add_pull(server: ViserServer, nodes: Nodes, radius: float) -> None:
-    """The pull: an arrow of two bones, its tail and its head, so that it grows by poses alone."""
-    shaft = np.array([[0.001, 0.0], [radius, 0.0], [radius, 1.0], [0.001, 1.0]])
-    head = np.array([[0.001, 1.0], [2.4 * radius, 1.0], [0.001, 1.0 + 5 * radius]])
-    vertices, faces = solids.joined(solids.swept(shaft, steps=24), solids.swept(head, steps=24))
-    share = np.minimum(vertices[:, 2], 1.0)
-    # the page wants four bones at least
-    weights = np.stack([1.0 - share, share, 0 * share, 0 * share], axis=1)
-    vertices = vertices[:, [2, 1, 0]] * [1, 1, -1]  # along X
-    upright = np.tile([1.0, 0.0, 0.0, 0.0], (4, 1))
-    nodes.moving["pull"] = server.scene.add_mesh_skinned(
-        "/pull", vertices.astype(np.float32), faces.astype(np.uint32), bone_wxyzs=upright,
-        bone_positions=np.array([[0.0, 0, 0], [1.0, 0, 0], [0.0, 0, 0], [0.0, 0, 0]]),
-        skin_weights=weights.astype(np.float32), color=rgb(COLOURS["1X"]), side="double")
+    def add_pull(self, radius: float) -> None:
+        """The pull: an arrow of two bones, its tail and its head, so that it grows by poses alone.
+        """
+        shaft = np.array([[0.001, 0.0], [radius, 0.0], [radius, 1.0], [0.001, 1.0]])
+        head = np.array([[0.001, 1.0], [2.4 * radius, 1.0], [0.001, 1.0 + 5 * radius]])
+        vertices, faces = solids.joined(*(solids.swept(part, steps=24) for part in (shaft, head)))
+        share = np.minimum(vertices[:, 2], 1.0)
+        # the page wants four bones at least
+        weights = np.stack([1.0 - share, share, 0 * share, 0 * share], axis=1)
+        places = np.eye(4, 3, k=-1) * [1.0, 0.0, 0.0]
+        self.bones("pull", "/pull", (vertices[:, [2, 1, 0]] * [1, 1, -1], faces),  # along X
+                   places, weights, COLOURS["1X"], side="double")

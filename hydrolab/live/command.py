@@ -1,6 +1,4 @@
-"""`hydrolab show`: the machine in 3D on this computer, or before a room, or as a file that plays
-without a server.
-"""
+"""`hydrolab show`: the machine in 3D on this computer, before a room, or as a file for later."""
 
 from __future__ import annotations
 
@@ -22,7 +20,13 @@ from hydrolab.live.panel import Controls
 from hydrolab.live.recording import check_steady_state, record_machine, record_sheet
 from hydrolab.live.run_sheet import RunSheet, load_run_sheet
 from hydrolab.live.scene import MachineScene
-from hydrolab.live.server import close_server, open_server, page_address, room_address, stop_with_server
+from hydrolab.live.server import (
+    close_server,
+    open_server,
+    page_address,
+    room_address,
+    stop_with_server,
+)
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
 
@@ -30,9 +34,8 @@ WILDCARDS = ("0.0.0.0", "::", "")
 
 
 def show_command(card: str | None, *, room: bool, host: str | None, port: int | None, viewers: int,
-                 sheet: Path | None,
-                 record: Path | None, browser: bool, eccentricity: float | None = None,
-                 orbit: int | None = None) -> int:
+                 sheet: Path | None, record: Path | None, browser: bool,
+                 eccentricity: float | None = None, orbit: int | None = None) -> int:
     """Show a machine until Ctrl-C, or record it. Returns the exit code.
 
     eccentricity: of the stator to begin with, % of the gap. orbit: the steady state to begin with,

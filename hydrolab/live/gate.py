@@ -1,7 +1,5 @@
-"""The presenter's PIN: six digits, a few guesses for each address, then a wait that doubles.
-
-What a viewer may say to the 3D server: where its camera is, and its own controls within their
-ranges.
+"""What a viewer may say to the 3D server, its camera and its own controls within their ranges, and
+the PIN that makes a presenter of it.
 
 viser believes its clients. Here everything they send passes one function: another kind of message,
 an unknown control, a value of another type or outside the control's range, NaN, all are dropped;
@@ -21,6 +19,7 @@ import os
 import secrets
 import threading
 import time
+import warnings
 from collections import OrderedDict
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
@@ -54,6 +53,14 @@ from websockets.exceptions import ConnectionClosed
 GUESSES = 5  # wrong ones before an address has to wait
 FIRST_WAIT = 60.0  # s; every further wrong guess doubles it
 ADDRESSES = 10_000  # remembered at once; the oldest is forgotten
+LARGEST_MESSAGE = 16 * 1024  # bytes; a camera message has about 400
+MOST_A_SECOND = 500  # messages of one client; a browser that turns its camera sends about 60
+LONGEST_TEXT = 64  # characters in a text field
+# places kept for pages on the server's own computer, so that nobody can keep the presenter out
+OWN = 5
+
+
+Hearer = Callable[[int, Message], Awaitable[None]]
 
 
 def new_digits() -> str:
@@ -93,14 +100,8 @@ class Pin:
                 self._wrong.popitem(last=False)
             if wait:
                 return f"Too many wrong PINs from here; try again in {wait:.0f} s."
-            return f"That is not the PIN; {GUESSES - wrong} more guess{'es' if GUESSES - wrong > 1 else ''}."
-
-
-LARGEST_MESSAGE = 16 * 1024  # bytes; a camera message has about 400
-MOST_A_SECOND = 500  # messages of one client; a browser that turns its camera sends about 60
-LONGEST_TEXT = 64  # characters in a text field
-# places kept for pages on the server's own computer, so that nobody can keep the presenter out
-OWN = 5
+            left = GUESSES - wrong
+            return f"That is not the PIN; {left} more guess{'es' if left > 1 else ''}."
 
 
 def in_range(handle: Any, value: Any) -> bool:
@@ -176,6 +177,8 @@ class Gate:
         # who came before this line comes again, through the gate
         self._web.disconnect_all_clients()
         logging.getLogger("websockets.server").addFilter(is_no_clients_mistake)
+        # a camera of three numbers for four: dropped below, and no word in the terminal
+        warnings.filterwarnings("ignore", r"\[viser\] .* does not match annotation")
 
     async def _admit(self, client: WebsockClientConnection) -> None:
         """Let a connection in, or keep it waiting; runs before anything it sends is heard."""
@@ -208,8 +211,7 @@ class Gate:
         client.queue_message(NotificationShowMessage("full", NotificationProps(
             title=f"All {self.viewers} places are taken",
             body="This page opens by itself when someone leaves.", loading=True,
-            with_close_button=False,
-            auto_close_seconds=None, color="orange")))
+            with_close_button=False, auto_close_seconds=None, color="orange")))
         sender = asyncio.create_task(_message_producer(connection, client.get_message_buffer(),
                                                        client.client_id))
         listener = asyncio.create_task(heard_by_nobody(connection))
@@ -223,8 +225,7 @@ class Gate:
             await asyncio.gather(sender, listener, return_exceptions=True)
 
     def _hearer(self, client: WebsockClientConnection, connection: ServerConnection,
-                passed: Callable[[int, Message], Awaitable[None]]) -> Callable[[int, Message],
-                                                                               Awaitable[None]]:
+                passed: Hearer) -> Hearer:
         """The function that hears one connection, in front of viser's own."""
         second, heard = 0.0, 0
 
@@ -254,11 +255,10 @@ def is_allowed(client: WebsockClientConnection, message: GuiUpdateMessage) -> bo
     """Whether a message sets a control of this very client within its range; if not, the client
     hears what it is.
     """
-    gui = client._incoming_handlers[GuiUpdateMessage][0].__self__
-    if not isinstance(message.uuid,
-                      str) or (handle := gui._gui_input_handle_from_uuid.get(message.uuid)) is None:
-        return False
-    if not isinstance(message.updates, dict) or set(message.updates) != {"value"}:
+    handles = client._incoming_handlers[GuiUpdateMessage][0].__self__._gui_input_handle_from_uuid
+    handle = handles.get(message.uuid) if isinstance(message.uuid, str) else None
+    if (handle is None or not isinstance(message.updates, dict)
+            or set(message.updates) != {"value"}):
         return False
     if in_range(handle, message.updates["value"]):
         return True

@@ -19,6 +19,8 @@ from hydrolab.figures.readings import percent
 from hydrolab.machine.parts import Machine
 
 FIELDS, UNBALANCES = (0.5, 1.2), (0.1, 2.0)
+NO_GAP = "The card has no air gap, so no pull: a linear rotor with its unbalance."
+STRAIGHT = "The card has neither air gap nor unbalance: the shaft turns straight."
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,24 +70,19 @@ class LiveOrbit:
             if self.legs is None:
                 orbit = self.balance.solve(self.model.with_unbalance(unbalance), self.machine.speed)
                 turned = any(body.unbalance for body in self.machine.bodies)
-                return Shown(orbit, 0, "stable", "The card has no air gap, so no pull: a linear "
-                                                 "rotor with its unbalance."
-                             if turned else "The card has neither air gap nor unbalance: the shaft "
-                                            "turns straight.")
+                return Shown(orbit, 0, "stable", NO_GAP if turned else STRAIGHT)
             try:
                 self._strengthen(field, unbalance)
             except (NoConvergence, Contact, BadInput):
                 return self._kept(before, f"With {percent(field)} of the field and "
-                                          f"{percent(unbalance)} of the unbalance no "
-                                          "steady state begins at the centre.")
+                                  f"{percent(unbalance)} of the unbalance no steady state begins "
+                                  "at the centre.")
             orbit = self.legs.orbit(eccentricity, leg)
-            if orbit is not None:
-                verdict = self.legs.verdict(orbit, leg)
-                name = f"Leg {leg + 1} of {len(self.legs.all)}, {verdict}."
-                return Shown(orbit, leg, verdict,
-                             name + ("" if verdict == "stable" else " A machine does not stay on "
-                                     "it."))
-            return self._elsewhere(eccentricity, leg, before)
+            if orbit is None:
+                return self._elsewhere(eccentricity, leg, before)
+            verdict = self.legs.verdict(orbit, leg)
+            stays = "" if verdict == "stable" else " A machine does not stay on it."
+            return Shown(orbit, leg, verdict, f"Leg {leg + 1}, {verdict}.{stays}")
 
     def _strengthen(self, field: float, unbalance: float) -> None:
         """Move the branch to another field and unbalance."""
@@ -105,9 +102,8 @@ class LiveOrbit:
         for other in range(len(self.legs.all)):
             orbit = self.legs.orbit(eccentricity, other)
             if orbit is not None and self.legs.verdict(orbit, other) == "stable":
-                return Shown(orbit, other, "stable", f"{gone}: the machine jumps to leg "
-                                                     f"{other + 1}, which is stable there.",
-                             jumped=True)
+                words = f"{gone}: the machine jumps to leg {other + 1}, which is stable there."
+                return Shown(orbit, other, "stable", words, jumped=True)
         return self._kept(before, f"{gone}, and no other leg has a stable one; the last orbit "
                                   "found is shown.")
 
@@ -120,4 +116,6 @@ class LiveOrbit:
 def gap_words(orbit: PeriodicOrbit) -> str:
     """The smallest gap, large: "7.84 mm of 11 mm"."""
     gap = orbit.model.gap
-    return f"{1e3 * orbit.smallest_gap:.2f} mm of {1e3 * gap:.3g} mm" if math.isfinite(gap) else "no air gap"
+    if not math.isfinite(gap):
+        return "no air gap"
+    return f"{1e3 * orbit.smallest_gap:.2f} mm of {1e3 * gap:.3g} mm"

@@ -1,8 +1,5 @@
-"""The words of the 3D panel, as HTML: the big number with its reading, and the steps of a run
-sheet.
-
-The panel beside the 3D machine: one number and its reading for everyone, controls for those who may
-use them.
+"""The panel beside the 3D machine: one number and its reading for everyone, controls for those who
+may use them, and the steps of a run sheet.
 
 Controls belong to one client (`client.gui`); what they set belongs to the scene, so the panels of
 several presenters follow each other. Callbacks are coroutines: viser runs them one after the other
@@ -14,10 +11,10 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from viser import ClientHandle, GuiEvent, ViserServer
 
@@ -26,26 +23,33 @@ from hydrolab.live.run_sheet import RunSheet, Step
 from hydrolab.live.server import is_loopback, stop_with_server
 from hydrolab.live.surroundings import ASPECT, fitted
 
+if TYPE_CHECKING:
+    from hydrolab.live.scene import MachineScene
+
+PERIOD = 0.1  # s between looks at what the scene shows
+STEP = 1 / 12  # of a revolution, for the step button
+ENDS = {-1: ("This is the first step", "next goes on from here."),
+        1: ("That was the last step", "back shows the one before; again shows this one.")}
+
 
 def big_number(smallest_gap: float, reading: str) -> str:
     """The smallest gap (m, inf where there is none), large, and the reading, which a screen reader
     says when it changes.
     """
-    number = "" if not math.isfinite(smallest_gap) else (
-        '<div style="font-size: 2.7em; font-weight: 600; line-height: '
-        f'1.1">{1e3 * smallest_gap:.2f}'
-        '<span style="font-size: 0.5em"> mm</span></div><div style="opacity: 0.75">smallest '
-        'gap</div>')
+    number = ""
+    if math.isfinite(smallest_gap):
+        number = (f'<div style="font-size: 2.7em; font-weight: 600; line-height: 1.1">'
+                  f'{1e3 * smallest_gap:.2f}<span style="font-size: 0.5em"> mm</span></div>'
+                  '<div style="opacity: 0.75">smallest gap</div>')
     return (f'<div style="padding: 0.6em 0.9em 0.3em">{number}<div role="status" '
-            'aria-live="polite" '
-            'style="font-size: 0.85em; line-height: 1.45; margin-top: '
-            f'0.5em">{escape(reading)}</div></div>')
+            'aria-live="polite" style="font-size: 0.85em; line-height: 1.45; margin-top: 0.5em">'
+            f'{escape(reading)}</div></div>')
 
 
 def room_words(step: Step) -> str:
     """What the room reads of a step: its title and the question."""
-    return (f'<div style="padding: 0.2em 0.9em 0.6em; line-height: 1.4"><b>{escape(step.title)}</b>'
-            f"<div>{escape(step.ask)}</div></div>")
+    return ('<div style="padding: 0.2em 0.9em 0.6em; line-height: 1.4">'
+            f"<b>{escape(step.title)}</b><div>{escape(step.ask)}</div></div>")
 
 
 def presenter_words(sheet: RunSheet, place: int) -> str:
@@ -58,35 +62,8 @@ def presenter_words(sheet: RunSheet, place: int) -> str:
                    for name, text in (("Do", step.cue), ("See", step.see)))
     where = (f"{escape(sheet.title)}: step {place + 1} of {len(sheet.steps)}, "
              f"minute {before:g} to {before + step.minutes:g} of {sheet.minutes:g}")
-    return f'<div style="padding: 0.2em 0.9em 0.5em; font-size: 0.9em; line-height: 1.4">{where}{rows}</div>'
-
-
-PERIOD = 0.1  # s between looks at what the scene shows
-STEP = 1 / 12  # of a revolution, for the step button
-
-Point = tuple[float, float, float]
-
-
-class Scene(Protocol):
-    """What the panel needs of a scene.
-
-    settings: frozen, with the attributes that the controls set. limits: of each number among them.
-    views: camera position and the point it looks at. legs: those that the machine can be on now,
-    from 0. smallest_gap: m, inf where there is no gap.
-    """
-
-    settings: Any
-    limits: Mapping[str, tuple[float, float]]
-    views: Mapping[str, tuple[Point, Point]]
-    legs: tuple[int, ...]
-    reading: str
-    smallest_gap: float
-
-    def change(self, **settings: Any) -> None:
-        """Set settings, clamped to their limits, without waiting for what follows from them."""
-
-    def step(self, revolutions: float) -> None:
-        """Turn the machine on by so much."""
+    return ('<div style="padding: 0.2em 0.9em 0.5em; font-size: 0.9em; line-height: 1.4">'
+            f"{where}{rows}</div>")
 
 
 @dataclass(frozen=True)
@@ -109,8 +86,8 @@ MACHINE = (
     Slider("unbalance", "unbalance, % of the card's", 100.0, 1.0, "the unbalance of every body"),
 )
 PICTURE = (
-    Slider("exaggeration", "displacements drawn ×", 1.0, 1.0, "one factor for displacements and "
-           "for the gap"),
+    Slider("exaggeration", "displacements drawn ×", 1.0, 1.0,
+           "one factor for displacements and for the gap"),
     Slider("slow_motion", "slow motion ÷", 1.0, 1.0, "how many times slower than the machine"),
 )
 
@@ -120,7 +97,7 @@ def orbit_label(leg: int) -> str:
     return str(leg + 1)
 
 
-def orbit_labels(scene: Scene) -> tuple[str, ...]:
+def orbit_labels(scene: MachineScene) -> tuple[str, ...]:
     """The orbits to choose from: those the machine can be in, and the one that is shown."""
     return tuple(map(orbit_label, sorted({*scene.legs, scene.settings.leg})))
 
@@ -148,11 +125,12 @@ class Controls:
     run sheet whose steps a presenter can call up.
     """
 
-    def __init__(self, server: ViserServer, scene: Scene, pin: Pin | None = None,
+    def __init__(self, server: ViserServer, scene: MachineScene, pin: Pin | None = None,
                  sheet: RunSheet | None = None) -> None:
         self.server, self.scene, self.pin, self.sheet = server, scene, pin, sheet
         self.panels: dict[int, Panel] = {}
         self.place = 0  # the step of the run sheet that is shown
+        self.followed: object = None  # what the panels show
         self.big = server.gui.add_html("", order=0)
         self.asked = server.gui.add_html("", order=1)
         self.go_to(0)
@@ -180,11 +158,11 @@ class Controls:
         """Keep every panel at what the scene shows; runs in the event loop, between callbacks and
         never during one.
         """
-        seen, said = None, ""
+        said = ""
         while True:
             now = self.scene.settings, self.scene.legs, self.place
-            if now != seen:
-                seen = now
+            if now != self.followed:
+                self.followed = now
                 for panel in list(self.panels.values()):
                     for follow in panel.follow:
                         follow()
@@ -193,13 +171,11 @@ class Controls:
             await asyncio.sleep(PERIOD)
 
     def go_to(self, place: int) -> None:
-        """Show a step of the run sheet, or the nearest that there is: its settings for all, its
-        question for the room.
-        """
+        """Show a step of the run sheet: its settings for all, its question for the room."""
         if self.sheet is None:
             return
-        self.place = min(max(place, 0), len(self.sheet.steps) - 1)
-        step = self.sheet.steps[self.place]
+        self.place = place
+        step = self.sheet.steps[place]
         self.scene.change(**step.settings)
         self.asked.content = room_words(step)
 
@@ -223,8 +199,8 @@ class Controls:
     def _add_pin_field(self, client: ClientHandle, pin: Pin) -> None:
         folder = client.gui.add_folder("for the presenter", expand_by_default=False, order=9)
         with folder:
-            guess = client.gui.add_text("PIN", "", hint="six digits, in the terminal where the "
-                                                        "server runs")
+            guess = client.gui.add_text(
+                "PIN", "", hint="six digits, in the terminal where the server runs")
             button = client.gui.add_button("take the controls")
 
         @button.on_click
@@ -264,8 +240,8 @@ class Controls:
 
     def _add_slider(self, panel: Panel, slider: Slider) -> None:
         low, high = (round(slider.units * bound, 6) for bound in self.scene.limits[slider.name])
-        value = min(max(round(slider.units * getattr(self.scene.settings, slider.name), 6), low),
-                    high)
+        value = round(slider.units * getattr(self.scene.settings, slider.name), 6)
+        value = min(max(value, low), high)
         handle = panel.client.gui.add_slider(slider.label, low, high, slider.step, value,
                                              hint=slider.hint)
         self._bind(panel, handle, slider.name, slider.units)
@@ -276,6 +252,7 @@ class Controls:
         @handle.on_update
         async def moved(event: GuiEvent) -> None:
             if event.client is not None:  # a person moved it, not `follow`
+                self.followed = None  # the scene may show something else than what was asked for
                 self.scene.change(**{name: handle.value / units if units else handle.value})
 
         def follow() -> None:
@@ -290,8 +267,8 @@ class Controls:
     def _add_orbits(self, panel: Panel) -> None:
         """A choice of orbit, seen where the machine can be in more than one."""
         labels = orbit_labels(self.scene)
-        handle = panel.client.gui.add_dropdown("orbit", labels, hint="which it is on depends on "
-                                               "the machine's past")
+        handle = panel.client.gui.add_dropdown(
+            "orbit", labels, hint="which it is on depends on the machine's past")
 
         @handle.on_update
         async def chosen(event: GuiEvent) -> None:
@@ -316,7 +293,12 @@ class Controls:
 
         @turn.on_click
         async def turned(event: GuiEvent) -> None:
-            self.go_to(self.place + {"back": -1, "again": 0, "next": 1}[turn.value])
-            self.look(panel.client, sheet.steps[self.place].camera)
+            by = {"back": -1, "again": 0, "next": 1}[turn.value]
+            if 0 <= self.place + by < len(sheet.steps):
+                self.go_to(self.place + by)
+                self.look(panel.client, sheet.steps[self.place].camera)
+            else:
+                title, body = ENDS[by]
+                panel.client.add_notification(title, body, auto_close_seconds=6.0)
 
         panel.follow.append(lambda: setattr(words, "content", presenter_words(sheet, self.place)))

@@ -1,5 +1,4 @@
-"""From an orbit to where everything is: positions and tilts of shaft and bodies in the scene, at
-any phase.
+"""From an orbit to where everything is: places and tilts of shaft and bodies at any phase.
 
 The scene has X = x, Y = z and Z up, so Z = −y: seen from above the spin is clockwise, as in the
 machine. One factor exaggerates displacements, tilts and the air gap: the stator is drawn with the
@@ -10,27 +9,29 @@ the machine.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.harmonics import fourier_rows
+from hydrolab.dynamics.harmonics import PERIOD, synthesise
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.machine.model import rigid_link
 from hydrolab.machine.parts import Machine
+from hydrolab.machine.pull import outline
 
 STEEPEST = 0.15  # rad; a tilt drawn steeper than this no longer looks like a small one
 STUB = 2.0  # m; half length of the shaft drawn for a point mass on springs, which has none
-PERIOD = 2 * np.pi * np.arange(360) / 360
 
 
 @dataclass(frozen=True, eq=False)
 class Stations:
-    """What moves, along the machine: the shaft's nodes first, then the bodies' centres.
+    """What moves, along the machine: the shaft's nodes first, then the bodies' centres, then the
+    middles of cracked elements.
 
-    depths: y, m, (S,). coefficients: [mean, sin 1, cos 1, …] of x, z (m), θx, θz (rad), (S, 4, 2m +
-    1). nodes: how many of them are on the shaft.
+    depths: y, m, (S,). coefficients: [mean, sin 1, cos 1, …] of x, z (m), θx, θz (rad),
+    (S, 4, 2m + 1). nodes: how many of them are on the shaft.
     """
 
     depths: NDArray
@@ -39,9 +40,7 @@ class Stations:
 
     def motion(self, phase: NDArray | float) -> NDArray:
         """x, z, θx, θz at a phase Ωt, (S, 4), or at many, (S, 4, P)."""
-        rows = fourier_rows(self.coefficients.shape[2] // 2,
-                            np.atleast_1d(np.asarray(phase, dtype=float)))
-        found = self.coefficients @ rows
+        found = synthesise(self.coefficients, np.atleast_1d(phase))
         return found if np.ndim(phase) else found[..., 0]
 
     def towards(self, other: Stations, share: float) -> Stations:
@@ -62,10 +61,13 @@ def stations(machine: Machine, orbit: PeriodicOrbit) -> Stations:
         disc = np.zeros((3, 4, columns))
         disc[1, :2] = coefficients[:2]
         return Stations(np.array([-STUB, 0.0, STUB, 0.0]), np.concatenate([disc, disc[1:2]]), 3)
-    nodes = coefficients.reshape(-1, 4, columns)
+    nodes, depths = coefficients.reshape(-1, 4, columns), machine.shaft.nodes
     bodies = [rigid_link(body.offset) @ nodes[body.node] for body in machine.bodies]
-    depths = [float(machine.shaft.nodes[body.node]) + body.offset for body in machine.bodies]
-    return Stations(np.append(machine.shaft.nodes, depths), np.concatenate([nodes, bodies]),
+    ends = np.array([[crack.element, crack.element + 1] for crack in machine.cracks], int)
+    middles = nodes[ends.reshape(-1, 2)].mean(axis=1)
+    return Stations(np.concatenate([depths, [depths[b.node] + b.offset for b in machine.bodies],
+                                    depths[ends.reshape(-1, 2)].mean(axis=1)]),
+                    np.concatenate([nodes, np.reshape(bodies, (-1, 4, columns)), middles]),
                     len(nodes))
 
 
@@ -106,6 +108,16 @@ def drawn_rotor_radius(stator_radius: float, gap: float, factor: float) -> float
     """R_s − k·gap, m: the rotor's radius that makes contact on the screen contact in the machine.
     """
     return stator_radius - factor * gap
+
+
+def out_of_round(machine: Machine, side: str, factor: float) -> Callable[[NDArray], NDArray]:
+    """By how much the "stator" or the "rotor" is drawn wider at angles about Z, from X, m.
+
+    Shapes are drawn larger by the factor of the gap. Gap angles run from z towards x, so that of
+    an angle about Z is π/2 less the angle; the rotor's are those at phase 0.
+    """
+    bulges = tuple(shape.bulge() for shape in machine.shapes if shape.of == side)
+    return lambda angle: factor * outline(bulges, np.pi / 2 - angle)
 
 
 def orbit_rings(where: Stations, factor: float, radius: float,

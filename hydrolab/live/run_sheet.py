@@ -1,5 +1,5 @@
 """Run sheets: what a presenter says, shows and asks, step by step, in a TOML file that people and
-the program read.
+the program read; and the numbers that such a sheet may hold.
 """
 
 from __future__ import annotations
@@ -10,8 +10,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from hydrolab.dynamics.harmonics import ellipse
 from hydrolab.errors import BadInput
@@ -27,6 +25,10 @@ NUMBERS = {"eccentricity": (0.0, 100.0), "orbit": (1, 9), "field": FIELDS, "unba
            "exaggeration": (1.0, 1000.0), "slow_motion": (1.0, 100.0)}
 WORDS = ("title", "camera", "cue", "see", "ask")
 START = {"eccentricity": 0.0, "orbit": 1, "field": 1.0, "unbalance": 1.0, "playing": True}
+# What `facts` computes and a step may hold.
+FACTS = ("orbits", "stable_orbits", "first_um", "across_um", "mean_um", "second_percent",
+         "axes_ratio", "smallest_gap_mm", "gap_mm", "offset_um", "fold_percent",
+         "second_fold_percent", "third_fold_percent", "speed_rpm")
 
 
 @dataclass(frozen=True)
@@ -115,26 +117,34 @@ def _check_step(where: str, row: Any) -> None:
         raise BadInput(f"{where}: camera is {row['camera']!r}; there are {', '.join(VIEWS)}.")
     if not _is_number(row.get("minutes")) or not 0 < row["minutes"] <= 180:
         raise BadInput(f"{where}: minutes is {row.get('minutes')!r}; give a number above 0.")
-    for part in ("set", "holds"):
-        if not isinstance(row.get(part, {}), dict):
-            raise BadInput(f"{where}: {part} is {row[part]!r}; give a table, {{ eccentricity = 5.0 "
-                           "}} for instance.")
-    for name, value in row.get("set", {}).items():
-        if name in SWITCHES:
-            if not isinstance(value, bool):
-                raise BadInput(f"{where}: {name} is {value!r}; give true or false.")
-        elif name not in NUMBERS:
-            raise BadInput(f"{where}: {name} cannot be set; there are "
-                           f"{', '.join([*NUMBERS, *SWITCHES])}.")
-        elif not _is_number(value) or not NUMBERS[name][0] <= value <= NUMBERS[name][1]:
-            low, high = NUMBERS[name]
-            raise BadInput(f"{where}: {name} is {value!r}; give a number from {low:g} to {high:g}.")
-        elif name == "orbit" and value != int(value):
-            raise BadInput(f"{where}: orbit is {value!r}; give a whole number.")
-    for name, value in row.get("holds", {}).items():
-        if name not in FACTS or not _is_number(value):
-            raise BadInput(f"{where}: holds {name} = {value!r}; numbers that can be checked are "
-                           f"{', '.join(FACTS)}.")
+    for part, trouble in (("set", _not_to_be_set), ("holds", _not_to_be_held)):
+        table = row.get(part, {})
+        if not isinstance(table, dict):
+            raise BadInput(f"{where}: {part} is {table!r}; give a table, {{ eccentricity = 5.0 }} "
+                           "for instance.")
+        for name, value in table.items():
+            if wrong := trouble(name, value):
+                raise BadInput(f"{where}: {wrong}.")
+
+
+def _not_to_be_set(name: str, value: Any) -> str:
+    """What is wrong with a setting of a step; nothing where it can be set."""
+    if name in SWITCHES:
+        return "" if isinstance(value, bool) else f"{name} is {value!r}; give true or false"
+    if name not in NUMBERS:
+        return f"{name} cannot be set; there are {', '.join([*NUMBERS, *SWITCHES])}"
+    low, high = NUMBERS[name]
+    if not _is_number(value) or not low <= value <= high:
+        return f"{name} is {value!r}; give a number from {low:g} to {high:g}"
+    whole = name != "orbit" or value == int(value)
+    return "" if whole else f"{name} is {value!r}; give a whole number"
+
+
+def _not_to_be_held(name: str, value: Any) -> str:
+    """What is wrong with a number that is to hold; nothing where it can be computed again."""
+    if name in FACTS and _is_number(value):
+        return ""
+    return f"holds {name} = {value!r}; numbers that can be checked are {', '.join(FACTS)}"
 
 
 def _is_number(value: Any) -> bool:
@@ -149,13 +159,6 @@ def sheet_machine(sheet: RunSheet, step: Step) -> Machine:
     machine = load_machine(sheet.card)
     return vary(machine, {"field": step.state["field"] * machine.air_gap.field,
                           "unbalance": step.state["unbalance"]})
-
-
-# What `facts` computes and a step may hold.
-FACTS = ("orbits", "stable_orbits", "first_um", "across_um", "mean_um", "second_percent",
-         "axes_ratio", "smallest_gap_mm",
-         "gap_mm", "offset_um", "fold_percent", "second_fold_percent", "third_fold_percent",
-         "speed_rpm")
 
 
 def facts(machine: Machine, step: Step, legs: Legs | None = None) -> dict[str, float]:
@@ -181,7 +184,7 @@ def facts(machine: Machine, step: Step, legs: Legs | None = None) -> dict[str, f
         "stable_orbits": sum(legs.verdict(found, i) == "stable" for i, found in there.items()),
         "first_um": 1e6 * float(orbit.amplitudes[0, 0]),
         "across_um": 1e6 * float(orbit.amplitudes[1, 0]),
-        "mean_um": 1e6 * float(np.hypot(*orbit.mean)),
+        "mean_um": 1e6 * math.hypot(*orbit.mean),
         "second_percent": 100 * second_share(orbit.coefficients),
         "axes_ratio": first.minor / first.major if first.major else math.nan,
         "smallest_gap_mm": 1e3 * orbit.smallest_gap, "gap_mm": 1e3 * machine.air_gap.gap,

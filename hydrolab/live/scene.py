@@ -1,6 +1,4 @@
-"""What can be set in the 3D machine, and what of it is accepted.
-
-The machine in 3D: built from its card, moved along its orbit by one loop, changed by settings.
+"""The machine in 3D: built from its card, moved along its orbit by one loop, changed by settings.
 
 What moves in each frame moves by its pose, within one atomic block; properties change only when a
 setting does. One thread owns the solver: `change` only says what is wanted.
@@ -17,36 +15,34 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from viser import ViserServer
 
+from hydrolab.dynamics.harmonics import PERIOD
 from hydrolab.dynamics.results import Branch
 from hydrolab.errors import BadInput
 from hydrolab.figures.readings import reading
-from hydrolab.live.bodies import (
-    Nodes,
-    add_bearings,
-    add_body,
-    add_collars,
-    add_pull,
-    add_rotor,
-    add_shaft,
-    add_stator,
-    orbit_colours,
-    rotor_solids,
-    sizes_of,
-)
+from hydrolab.live.bodies import Parts, orbit_colours, sizes_of
 from hydrolab.live.moving_orbit import FIELDS, UNBALANCES, LiveOrbit, Shown
-from hydrolab.live.poses import (
-    PERIOD,
-    drawn_rotor_radius,
-    largest_exaggeration,
-    orbit_rings,
-    positions,
-    quaternions,
-    stations,
+from hydrolab.live.poses import largest_exaggeration, orbit_rings, positions, quaternions, stations
+from hydrolab.live.surroundings import (
+    LENS,
+    add_inset,
+    add_lines,
+    add_names,
+    add_surroundings,
+    views_of,
 )
-from hydrolab.live.surroundings import LENS, add_inset, add_names, add_surroundings, views_of
 from hydrolab.machine.parts import Machine
+
+FAST, SLOW, FEW = 60.0, 36.0, 4  # frames a second, with up to FEW viewers and with more
+# s between frames that nobody sees: a cell in a notebook leaves the kernel to the others
+IDLE = 0.2
+EASE = 0.035  # s; what is drawn follows a new orbit with this time constant
+SHARE = 0.28  # of the stator's radius: the gap as it is first drawn
+ARROW = 1.6  # units of the drawing: the arrow of the largest pull on the orbit
+# of the shaft's radius: the rings are a little wider than what the shaft sweeps, to be seen
+RINGS = 1.25
 
 
 @dataclass(frozen=True)
@@ -54,8 +50,8 @@ class SceneSettings:
     """What the 3D machine shows.
 
     static_eccentricity: fraction of the gap. leg: of the branch, 0 is the first. field, unbalance:
-    factors on the card's. exaggeration: of displacements and gap. slow_motion: how many times
-    slower than the machine. view: the first view.
+    factors on the card's. exaggeration: of displacements and gap, as drawn: a tilt that would look
+    wrong lowers it. slow_motion: how many times slower than the machine. view: the first view.
     """
 
     static_eccentricity: float = 0.0
@@ -76,8 +72,8 @@ class SceneSettings:
 
 
 def changed(settings: SceneSettings, wanted: Mapping[str, Any],
-            limits: Mapping[str, tuple[float, float]],
-            views: Collection[str], legs: int) -> SceneSettings:
+            limits: Mapping[str, tuple[float, float]], views: Collection[str],
+            legs: int) -> SceneSettings:
     """Settings with what is wanted, numbers clamped to their limits and the leg to the `legs` there
     are.
 
@@ -88,8 +84,8 @@ def changed(settings: SceneSettings, wanted: Mapping[str, Any],
 
 
 def _accepted(settings: SceneSettings, name: str, value: Any,
-              limits: Mapping[str, tuple[float, float]],
-              views: Collection[str], legs: int) -> Any:
+              limits: Mapping[str, tuple[float, float]], views: Collection[str],
+              legs: int) -> Any:
     own = vars(settings).get(name)
     if own is None:
         raise BadInput(f"{name!r} is no setting of the 3D view; there are "
@@ -98,29 +94,18 @@ def _accepted(settings: SceneSettings, name: str, value: Any,
         if not isinstance(value, str) or value not in views:
             raise BadInput(f"{name} is {value!r}; there are {', '.join(views)}.")
         return value
+    truth = isinstance(value, bool | np.bool_)
     if isinstance(own, bool):
-        if not isinstance(value, bool | np.bool_):
+        if not truth:
             raise BadInput(f"{name} is {value!r}; it must be true or false.")
         return bool(value)
-    if isinstance(value, bool | np.bool_) or not isinstance(value,
-                                                            int | float
-                                                            | np.number) or not math.isfinite(value):
+    if truth or not isinstance(value, int | float | np.number) or not math.isfinite(value):
         raise BadInput(f"{name} is {value!r}; it must be a finite number.")
     if isinstance(own, int):
         if value != int(value):
             raise BadInput(f"{name} is {value!r}; it must be a whole number.")
         return int(np.clip(value, 0, max(legs, 1) - 1))
     return float(np.clip(value, *limits[name]))
-
-
-FAST, SLOW, FEW = 60.0, 36.0, 4  # frames a second, with up to FEW viewers and with more
-# s between frames that nobody sees: a cell in a notebook leaves the kernel to the others
-IDLE = 0.2
-EASE = 0.035  # s; what is drawn follows a new orbit with this time constant
-SHARE = 0.28  # of the stator's radius: the gap as it is first drawn
-ARROW = 1.6  # units of the drawing: the arrow of the largest pull on the orbit
-# of the shaft's radius: the rings are a little wider than what the shaft sweeps, to be seen
-RINGS = 1.25
 
 
 class MachineScene:
@@ -135,23 +120,23 @@ class MachineScene:
         self.server, self.machine = server, machine
         self.live = LiveOrbit(machine, branch)
         self.sizes = sizes_of(machine)
-        self.nodes = Nodes()
+        self.parts = Parts(server, machine, self.sizes)
         self.phase = 0.0
         self._lock, self._wake, self._thread = threading.Lock(), threading.Event(), None
         self._stopping = False
         scale = self._first_exaggeration()
         self.limits: dict[str, tuple[float, float]] = {
-            "static_eccentricity": (0.0, math.floor(1e3 * self.live.reach) / 1e3), "field": FIELDS,
-            "unbalance": UNBALANCES,
-            "exaggeration": (1.0, 1.6 * scale), "slow_motion": (1.0, 100.0)}
+            "static_eccentricity": (0.0, math.floor(1e3 * self.live.reach) / 1e3),
+            "field": FIELDS, "unbalance": UNBALANCES, "exaggeration": (1.0, 1.6 * scale),
+            "slow_motion": (1.0, 100.0)}
         self.views = views_of(self.sizes)
         self.settings = self._checked(SceneSettings(exaggeration=scale), settings)
+        self._wish = self.settings.exaggeration
         self.shown: Shown = self._solved(None)
         self.where = stations(machine, self.shown.orbit)
         # what the eye sees, on its way there
         self.drawn, self.centre = self.where, np.array(self.shown.orbit.centre)
-        self.factor = self._drawn_factor()
-        self._applied = self.settings
+        self.settings = self._applied = replace(self.settings, exaggeration=self._factor())
         self._build()
         self._dress()
         self.draw(0.0)
@@ -165,6 +150,8 @@ class MachineScene:
         """
         with self._lock:
             self.settings = self._checked(self.settings, settings)
+            if "exaggeration" in settings:
+                self._wish = self.settings.exaggeration
         self._wake.set()
         if self._thread is None:
             self._update(math.inf)
@@ -187,10 +174,17 @@ class MachineScene:
         return self.shown.orbit.smallest_gap
 
     @property
+    def legs(self) -> tuple[int, ...]:
+        """The legs of the branch that the machine can be on at the present eccentricity."""
+        legs = self.live.legs
+        return legs.stable_at(self.settings.static_eccentricity) if legs else ()
+
+    @property
     def reading(self) -> str:
         """What is shown, in words."""
-        return f"{self.shown.words} {reading(self.shown.orbit)} Displacements{' and gap' if self.inset else ''} are drawn " \
-               f"{self.factor:.0f} times as large, the shaft slim."
+        return (f"{self.shown.words} {reading(self.shown.orbit)} Displacements"
+                f"{' and gap' if self.inset else ''} are drawn {self._applied.exaggeration:.0f} "
+                "times as large, the shaft slim.")
 
     # ------------------------------------------------------------------ building
 
@@ -204,55 +198,44 @@ class MachineScene:
         largest = float(np.hypot(motion[:, 0], motion[:, 1]).max())
         return float(max(round(SHARE * self.sizes.unit / largest), 1)) if largest else 1.0
 
+    def _factor(self) -> float:
+        """The exaggeration to draw: as wished, less where a tilt would look wrong."""
+        return min(self._wish, largest_exaggeration(self.where))
+
     def _build(self) -> None:
-        server, machine, sizes, drawn = self.server, self.machine, self.sizes, self.drawn
-        server.gui.configure_theme(dark_mode=self.settings.dark, show_share_button=False,
-                                   show_logo=False)
-        camera = server.initial_camera
+        server, machine, sizes = self.server, self.machine, self.sizes
+        camera, gap = server.initial_camera, machine.air_gap
         camera.position, camera.look_at = self.views[self.settings.view]
         camera.fov = LENS
-        add_surroundings(server, sizes, self.settings.dark)
-        add_shaft(server, self.nodes, drawn.depths[:drawn.nodes], sizes.shaft)
-        add_bearings(server, machine, sizes)
-        add_collars(server, self.nodes, machine, sizes)
-        gap = machine.air_gap
-        if gap:
-            add_stator(server, self.nodes, sizes)
-            add_rotor(server, self.nodes, machine, self._rotor_radius())
-            add_pull(server, self.nodes, 0.06 * sizes.unit)
-        self.inset = add_inset(server, sizes, gap.gap, self.settings.dark) if gap else None
-        for body in machine.bodies:
-            if not (gap and body.name == gap.body):
-                add_body(server, self.nodes, machine, body)
-        self.names = add_names(server, machine, sizes, drawn.depths[drawn.nodes:])
+        nodes, rest = np.split(self.drawn.depths, [self.drawn.nodes])
+        self.parts.add(nodes, self.settings.exaggeration)
+        self.inset = add_inset(server, sizes, gap.gap) if gap else None
+        self.names = add_names(server, machine, sizes, rest)
+        self._light(self.settings.dark)
 
-    def _rotor_radius(self) -> float:
-        return drawn_rotor_radius(self.sizes.stator, self.machine.air_gap.gap, self.factor)
-
-    def _drawn_factor(self) -> float:
-        """The exaggeration that is drawn: as wanted, less where a tilt would look wrong."""
-        return min(self.settings.exaggeration, largest_exaggeration(self.where))
+    def _light(self, dark: bool) -> None:
+        """A bright room or a dark one."""
+        self.server.gui.configure_theme(dark_mode=dark, show_share_button=False, show_logo=False)
+        add_surroundings(self.server, self.sizes, dark)
+        if self.inset:
+            self.inset.dress(dark)
 
     def _dress(self) -> None:
         """Everything that changes with a setting and not with time."""
-        orbit = self.shown.orbit
-        factor = self.factor = self._drawn_factor()
-        rings, away = orbit_rings(self.where, factor, RINGS * self.sizes.shaft)
-        self.server.scene.add_line_segments("/orbits", rings.astype(np.float32),
-                                            orbit_colours(away, float(away.max())),
-                                            thickness=5.0, thickness_units="screen")
-        self.names.say(orbit, factor, self.settings.slow_motion, self.settings.names)
+        shown, settings = self.shown, self._applied
+        rings, away = orbit_rings(self.where, settings.exaggeration, RINGS * self.sizes.shaft)
+        add_lines(self.server, "/orbits", rings, orbit_colours(away, float(away.max())), 5.0)
+        self.names.say(shown.orbit, settings.exaggeration, settings.slow_motion, settings.names)
         if self.inset is None:
             return
-        for name, (vertices, _) in rotor_solids(self.machine, self._rotor_radius()).items():
-            self.nodes.meshes[name].vertices = vertices.astype(np.float32)
-        self.inset.draw(orbit, self.shown.verdict)
-        self._pull_scale = ARROW * self.sizes.unit / max(float(np.hypot(*self._pull(PERIOD)).max()), 1e-9)
+        self.parts.dress_gap(settings.exaggeration)
+        self.inset.draw(shown.orbit, shown.verdict)
+        largest = float(np.hypot(*self._pull(PERIOD)).max())
+        self._pull_scale = ARROW * self.sizes.unit / max(largest, 1e-9)
 
-    def _pull(self, phase: Any) -> np.ndarray:
-        """Pull on the generator at phases of the orbit, N, (2, …)."""
+    def _pull(self, phase: NDArray) -> NDArray:
+        """Magnetic pull on the generator at phases of the orbit, N, (2, P)."""
         orbit = self.shown.orbit
-        phase = np.atleast_1d(phase)
         u = orbit.model.relative(orbit.coordinates(phase), orbit.centre[:, None])
         return orbit.model.pull(u, phase, orbit.speed)
 
@@ -260,39 +243,36 @@ class MachineScene:
 
     def draw(self, phase: float) -> None:
         """Show the machine at a phase Ωt, rad."""
-        factor, motion = self.factor, self.drawn.motion(phase)
+        factor, motion = self._applied.exaggeration, self.drawn.motion(phase)
         places, leaning = positions(self.drawn, motion, factor), quaternions(motion, factor)
         spinning = quaternions(motion, factor, phase)
-        moving, machine = self.nodes.moving, self.machine
+        moving = self.parts.moving
         with self.server.atomic():
             for bone, place, turn in zip(moving["shaft"].bones, places, leaning, strict=False):
                 bone.position, bone.wxyz = place, turn
-            for i, body in enumerate(machine.bodies, self.drawn.nodes):
-                moving[body.name].position, moving[body.name].wxyz = places[i], spinning[i]
-            for bearing in machine.thrust_bearings:
-                moving[bearing.name].position, moving[bearing.name].wxyz = places[bearing.node], leaning[bearing.node]
-            if machine.air_gap:
-                self._draw_gap(phase, factor, places)
+            for name, station, spins in self.parts.riding:
+                moving[name].position = places[station]
+                moving[name].wxyz = (spinning if spins else leaning)[station]
+            if self.inset:
+                self._draw_gap(phase, motion, places)
         self.server.flush()
 
-    def _draw_gap(self, phase: float, factor: float, places: np.ndarray) -> None:
-        moving, machine = self.nodes.moving, self.machine
-        names = [body.name for body in machine.bodies]
-        at = self.drawn.nodes + names.index(machine.air_gap.body)
-        depth = -self.drawn.depths[at]
-        moving["stator"].position = (factor * self.centre[0], factor * self.centre[1], depth)
-        self.inset.dot.position = self.inset.place(self.drawn.motion(phase)[at, :2] - self.centre)
-        fx, fz = self._pull_scale * self._pull(phase)[:, 0]
+    def _draw_gap(self, phase: float, motion: NDArray, places: NDArray) -> None:
+        """The stator, the dot in the inset, and the arrow of the pull on top of the rotor."""
+        moving, gap, factor = self.parts.moving, self.machine.air_gap, self._applied.exaggeration
+        at = next(station for name, station, _ in self.parts.riding if name == gap.body)
+        moving["stator"].position = (*(factor * self.centre), -self.drawn.depths[at])
+        self.inset.dot.position = self.inset.place(motion[at, :2] - self.centre)
+        fx, fz = self._pull_scale * self._pull(np.array([phase]))[:, 0]
         length, angle = math.hypot(fx, fz), math.atan2(fz, fx)
-        tail = places[at] + [0, 0, 0.78 * machine.air_gap.length]
+        tail = places[at] + [0, 0, 0.78 * gap.length]
         turn = (math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2))
         for bone, along in zip(moving["pull"].bones, (0.0, length), strict=False):
             bone.position = tail + along * np.array([math.cos(angle), math.sin(angle), 0.0])
             bone.wxyz = turn
 
     def _solved(self, before: Shown | None) -> Shown:
-        s = self.settings
-        return self.live.at(s.static_eccentricity, s.leg, s.field, s.unbalance, before)
+        return self.live.at(*self.settings.solved_for, before)
 
     def _update(self, passed: float) -> None:
         """Follow the settings: solve where they changed, and bring what is drawn nearer to the
@@ -303,36 +283,26 @@ class MachineScene:
         if wanted != self._applied:
             if wanted.solved_for != self._applied.solved_for:
                 self.shown = self._solved(self.shown)
-                # it stays where it jumped to: lowering the eccentricity again does not bring it
-                # back
-                if self.shown.jumped:
-                    wanted = self._stay(wanted, self.shown.leg)
                 self.where = stations(self.machine, self.shown.orbit)
             if wanted.dark != self._applied.dark:
-                self.server.gui.configure_theme(dark_mode=wanted.dark, show_share_button=False,
-                                                show_logo=False)
-                add_surroundings(self.server, self.sizes, wanted.dark)
-                if self.inset:
-                    self.inset.dress(wanted.dark)
-            self._applied = wanted
+                self._light(wanted.dark)
+            self._applied = self._settled(wanted)
             self._dress()
         share = 1.0 if self.shown.jumped else 1 - math.exp(-passed / EASE)
         self.drawn = self.drawn.towards(self.where, share)
         self.centre = (1 - share) * self.centre + share * self.shown.orbit.centre
 
-    def _stay(self, wanted: SceneSettings, leg: int) -> SceneSettings:
-        """Settings with the leg that the machine jumped to, unless something else was set
-        meanwhile.
+    def _settled(self, wanted: SceneSettings) -> SceneSettings:
+        """The settings as they can be drawn, which are then the scene's, unless something else was
+        set meanwhile.
         """
+        # it stays where it jumped to: lowering the eccentricity again does not bring it back
+        leg = self.shown.leg if self.shown.jumped else wanted.leg
+        drawn = replace(wanted, leg=leg, exaggeration=self._factor())
         with self._lock:
             if self.settings == wanted:
-                self.settings = replace(wanted, leg=leg)
-            return replace(wanted, leg=leg)
-
-    @property
-    def legs(self) -> tuple[int, ...]:
-        """The legs of the branch that the machine can be on at the present eccentricity."""
-        return self.live.legs.stable_at(self.settings.static_eccentricity) if self.live.legs else ()
+                self.settings = drawn
+        return drawn
 
     def run(self) -> None:
         """Start the loop that moves the machine; it ends with `stop`."""

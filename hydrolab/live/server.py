@@ -1,6 +1,4 @@
-"""One 3D server per process, on this computer alone unless told otherwise, with a gate in front
-(see `gate`).
-"""
+"""One 3D server per process, on this computer alone unless told otherwise, behind its `gate`."""
 
 from __future__ import annotations
 
@@ -51,8 +49,7 @@ def open_server(host: str = "127.0.0.1", port: int | None = None, *, room: bool 
         raise BadInput(f"viewers is {viewers!r}; give a whole number from 1 to 1000.")
     if not room and not is_loopback(host):
         raise BadInput(f"host is {host!r}, which other computers may reach; open it to them with "
-                       "room=True "
-                       "(on the command line: --room), or use 127.0.0.1.")
+                       "room=True (on the command line: --room), or use 127.0.0.1.")
     with _lock:
         last = _open.server.get_port() if _open else FIRST_PORT
         close_server()
@@ -135,8 +132,7 @@ def room_address() -> str:
         if not ip_address(address := probe.getsockname()[0]).is_loopback:
             return address
     raise BadInput("This computer is on no network that others could use; connect it to the room's "
-                   "network, "
-                   "or give its address with --host.")
+                   "network, or give its address with --host.")
 
 
 def page_address(server: ViserServer, host: str | None = None) -> str:
@@ -157,8 +153,8 @@ def _bindable(host: str, port: int | None, first: int) -> int:
                              or not 0 <= port <= 65535):
         raise BadInput(f"port is {port!r}; a port is a whole number from 1 to 65535, or 0 for any "
                        "free one.")
-    for candidate in [port] if port is not None else [first, *range(FIRST_PORT, FIRST_PORT + 100),
-                                                      0]:
+    some = [first, *range(FIRST_PORT, FIRST_PORT + 100), 0]
+    for candidate in some if port is None else [port]:
         problem = trouble(host, candidate)
         if problem is None:
             return candidate

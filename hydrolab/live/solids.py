@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +13,15 @@ Solid = tuple[NDArray, NDArray]
 
 def joined(*solids: Solid) -> Solid:
     """Several solids as one."""
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in solids)])
-    return (np.concatenate([vertices for vertices, _ in solids]),
-            np.concatenate([faces + start for (_, faces), start in zip(solids, starts,
-                                                                       strict=False)]))
+    vertices, faces = zip(*solids, strict=True)
+    starts = np.cumsum([0, *map(len, vertices[:-1])])
+    return (np.concatenate(vertices),
+            np.concatenate([own + start for own, start in zip(faces, starts, strict=True)]))
 
 
-def moved(solid: Solid, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solid:
-    """A solid shifted."""
-    return solid[0] + [x, y, z], solid[1]
+def raised(solid: Solid, height: float) -> Solid:
+    """A solid moved up."""
+    return solid[0] + [0.0, 0.0, height], solid[1]
 
 
 def turned(solid: Solid, angle: float) -> Solid:
@@ -29,9 +30,17 @@ def turned(solid: Solid, angle: float) -> Solid:
     return solid[0] @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), solid[1]
 
 
+def widened(solid: Solid, inner: float, by: Callable[[NDArray], NDArray]) -> Solid:
+    """A solid with the radius of what lies at `inner` or beyond larger by `by(angle about Z)`."""
+    (x, y, z), faces = solid[0].T, solid[1]
+    radius = np.hypot(x, y)
+    share = np.where(radius >= inner, 1 + by(np.arctan2(y, x)) / np.maximum(radius, inner), 1.0)
+    return np.stack([share * x, share * y, z], axis=1), faces
+
+
 def swept(outline: NDArray, start: float = 0.0, end: float = 2 * math.pi, steps: int = 72) -> Solid:
-    """A closed outline of (radius, height), (N, 2), run counter-clockwise, swept about Z; open
-    sectors get flat ends.
+    """A closed outline of (radius, height), (N, 2), run counter-clockwise, swept about Z; a sector
+    gets flat ends.
     """
     whole = end - start > 2 * math.pi - 1e-9
     count, n = steps + (not whole), len(outline)
@@ -51,8 +60,7 @@ def swept(outline: NDArray, start: float = 0.0, end: float = 2 * math.pi, steps:
 
 
 def ring(inner: float, outer: float, low: float, high: float, start: float = 0.0,
-         end: float = 2 * math.pi,
-         steps: int = 72) -> Solid:
+         end: float = 2 * math.pi, steps: int = 72) -> Solid:
     """A ring, or a sector of one, of rectangular section."""
     return swept(np.array([[inner, low], [outer, low], [outer, high], [inner, high]]), start, end,
                  steps)
@@ -62,9 +70,8 @@ def box(radius: float, depth: float, width: float, low: float, high: float) -> S
     """A block on the X axis from `radius` outwards by `depth`."""
     x, y, z = [radius, radius + depth], [-width / 2, width / 2], [low, high]
     vertices = np.array([[a, b, c] for a in x for b in y for c in z])
-    faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7],
-                      [2, 7, 6],
-                      [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])
+    faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+                      [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])
     return vertices, faces
 
 
@@ -111,5 +118,4 @@ def hat_weights(height: NDArray, knots: NDArray) -> NDArray:
     """Weights (V, B) of the bones at `knots` (ascending) for points at `height`: linear between
     neighbours.
     """
-    return np.stack([np.interp(height, knots, np.eye(len(knots))[b]) for b in range(len(knots))],
-                    axis=1)
+    return np.stack([np.interp(height, knots, hat) for hat in np.eye(len(knots))], axis=1)

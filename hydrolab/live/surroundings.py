@@ -5,7 +5,9 @@ circle as an inset.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -16,14 +18,13 @@ from viser import ViserServer
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.figures.style import COLOURS
 from hydrolab.live import solids
-from hydrolab.live.bodies import AZIMUTH, LEFT, Sizes, drawn_radius, rgb
+from hydrolab.live.bodies import AZIMUTH, LEFT, Sizes, bearing_places, drawn_radius, rgb
 from hydrolab.live.moving_orbit import gap_words
 from hydrolab.machine.parts import Machine
 
 INSET = 1.9  # units of the drawing: radius of the gap circle in the inset
 # vertical field of view: a longer lens than a page's usual 75 degrees bends the machine less
 LENS = math.radians(36)
-
 # units of the drawing: height of a name's letters, so that words and machine keep their places at
 # any size
 LETTERS = 0.3
@@ -39,8 +40,8 @@ def inset_place(sizes: Sizes) -> NDArray:
     """
     rise = (INSET + 1.4) * sizes.unit
     tucked = sizes.bottom + rise + (INSET + 1.2) * sizes.unit < sizes.top - 2 * sizes.height
-    return (((INSET + 1.0) * sizes.unit + (0.62 if tucked else 1.2) * sizes.stator) * LEFT
-            + [0.0, 0.0, sizes.bottom + rise])
+    aside = (INSET + 1.0) * sizes.unit + (0.62 if tucked else 1.2) * sizes.stator
+    return aside * LEFT + [0.0, 0.0, sizes.bottom + rise]
 
 
 def views_of(sizes: Sizes) -> dict[str, tuple[Point, Point]]:
@@ -73,32 +74,35 @@ def towards_view(rise: float) -> NDArray:
                      math.sin(rise)])
 
 
+def add_lines(server: ViserServer, path: str, lines: NDArray, colours: Any,
+              thickness: float) -> None:
+    """Line segments, (N, 2, 3) m, so many pixels thick."""
+    server.scene.add_line_segments(path, lines.astype(np.float32), colours, thickness=thickness,
+                                   thickness_units="screen")
+
+
 def add_surroundings(server: ViserServer, sizes: Sizes, dark: bool) -> None:
     """Floor, axis and lights; no environment map, which flashes white where a recording loops."""
-    scene = server.scene
+    scene, u = server.scene, sizes.unit
     scene.set_up_direction("+z")
     scene.configure_environment_map(None)
     scene.configure_default_lights(False)
     scene.add_light_ambient("/lights/ambient", intensity=0.7 if dark else 0.9)
     scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255),
                                ground_color=(170, 175, 190), intensity=0.9)
-    u = sizes.unit
     scene.add_light_directional("/lights/sun", intensity=2.1, cast_shadow=True,
                                 position=(5.0 * math.cos(AZIMUTH + 0.9),
                                           5.0 * math.sin(AZIMUTH + 0.9), 12.0))
     plane, cells, sections = (((40, 43, 50), (62, 66, 74), (84, 90, 100)) if dark else
                               ((244, 246, 248), (226, 230, 235), (202, 208, 215)))
     scene.add_grid("/floor", 30.0 * u, 30.0 * u, cell_size=u, section_size=5.0 * u,
-                   cell_color=cells, section_color=sections,
-                   plane_color=plane, plane_opacity=1.0,
+                   cell_color=cells, section_color=sections, plane_color=plane, plane_opacity=1.0,
                    position=(0.0, 0.0, sizes.bottom - 1.2 * u), shadow_opacity=0.16,
                    fade_distance=46.0 * u, fade_strength=2.0)
     z = np.arange(sizes.bottom - 1.1 * u, sizes.top + 1.9 * u, 0.3 * u)
     dashes = np.zeros((len(z), 2, 3))
     dashes[:, 0, 2], dashes[:, 1, 2] = z, z + 0.17 * u
-    scene.add_line_segments("/axis", dashes.astype(np.float32),
-                            (190, 190, 190) if dark else (64, 64, 64), thickness=2.0,
-                            thickness_units="screen")
+    add_lines(server, "/axis", dashes, (190, 190, 190) if dark else (64, 64, 64), 2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,37 +126,29 @@ class Inset:
         add("/inset/bore", *solids.ring(r, 1.07 * r, -0.03 * r, 0.02 * r, steps=96), color=bore,
             flat_shading=True, **plain)
         cross = 0.06 * r * np.array([[[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]]])
-        self.server.scene.add_line_segments("/inset/centre", cross.astype(np.float32), bore,
-                                            thickness=2.0,
-                                            thickness_units="screen")
+        add_lines(self.server, "/inset/centre", cross, bore, 2.0)
 
     def draw(self, orbit: PeriodicOrbit, verdict: str) -> None:
         """Draw an orbit in the circle, in the colour of its verdict."""
         path = self.place(orbit.positions(2 * np.pi * np.arange(193) / 192) - orbit.centre[:, None])
-        lines = np.stack([path[:-1], path[1:]], axis=1).astype(np.float32)
-        self.server.scene.add_line_segments("/inset/orbit", lines, rgb(COLOURS[verdict]),
-                                            thickness=5.0,
-                                            thickness_units="screen")
+        add_lines(self.server, "/inset/orbit", np.stack([path[:-1], path[1:]], axis=1),
+                  rgb(COLOURS[verdict]), 5.0)
 
     def place(self, eccentricity: NDArray) -> NDArray:
         """Points of the inset for the rotor's place from the stator's centre, (2,) or (2, P), m."""
-        return np.stack([*(eccentricity * self.radius / self.gap),
-                         np.full(np.shape(eccentricity)[1:], 0.015 * self.radius)],
-                        axis=-1)
+        height = np.full(np.shape(eccentricity)[1:], 0.015 * self.radius)
+        return np.stack([*(eccentricity * self.radius / self.gap), height], axis=-1)
 
 
-def add_inset(server: ViserServer, sizes: Sizes, gap: float, dark: bool) -> Inset:
+def add_inset(server: ViserServer, sizes: Sizes, gap: float) -> Inset:
     """The inset, facing the first view; nothing of it but the dot moves."""
     radius, right, facing = INSET * sizes.unit, -LEFT, towards_view(RISE)
     turn = np.column_stack([right, np.cross(facing, right), facing])
-    server.scene.add_frame("/inset", show_axes=False,
-                           wxyz=np.roll(Rotation.from_matrix(turn).as_quat(), 1),
-                           position=inset_place(sizes))
+    server.scene.add_frame("/inset", show_axes=False, position=inset_place(sizes),
+                           wxyz=np.roll(Rotation.from_matrix(turn).as_quat(), 1))
     dot = server.scene.add_icosphere("/inset/dot", 0.045 * radius, color=rgb(COLOURS["unstable"]),
                                      cast_shadow=False)
-    inset = Inset(server, gap, radius, dot)
-    inset.dress(dark)
-    return inset
+    return Inset(server, gap, radius, dot)
 
 
 @dataclass(eq=False)
@@ -166,17 +162,40 @@ class Names:
 
     def say(self, orbit: PeriodicOrbit, factor: float, slow_motion: float, shown: bool) -> None:
         """Bring the words up to date."""
-        self.scale.text = f"displacements{' and gap' if self.gap else ''} × {factor:.0f}, {slow_motion:.3g} times slower"
+        self.scale.text = (f"displacements{' and gap' if self.gap else ''} × {factor:.0f}, "
+                           f"{slow_motion:.3g} times slower")
         if self.gap is not None:
             self.gap.text = f"smallest gap {gap_words(orbit)}"
         for label in self.names:
             label.visible = shown
 
 
-def add_names(server: ViserServer, machine: Machine, sizes: Sizes, body_depths: NDArray) -> Names:
-    """Names of the parts to their right, the smallest gap above the inset, the scale at the foot.
+def places_to_name(machine: Machine, sizes: Sizes,
+                   depths: NDArray) -> Iterator[tuple[str, NDArray]]:
+    """The name of every part beside it, m; parts at one height share a line.
+
+    depths: of the bodies and then the cracks as drawn, m.
     """
-    right, gap, names, u = -LEFT, machine.air_gap, [], sizes.unit
+    gap, u = machine.air_gap, sizes.unit
+    for body, depth in zip(machine.bodies, depths, strict=False):
+        outer = (1.24 * sizes.stator if gap and body.name == gap.body
+                 else 1.1 * drawn_radius(machine, body) + 0.2 * u)
+        yield body.name, outer * -LEFT + [0, 0, -depth]
+    heights = bearing_places(machine, sizes.shaft) | {
+        f"crack: {crack.name}": -depth
+        for crack, depth in zip(machine.cracks, depths[len(machine.bodies):], strict=True)}
+    rows = sorted(heights, key=heights.get)
+    for _, together in groupby(rows, key=lambda name: round(heights[name] / (LETTERS * u))):
+        words = [*together]
+        yield ", ".join(words), 5.4 * sizes.shaft * -LEFT + [0, 0, heights[words[0]]]
+
+
+def add_names(server: ViserServer, machine: Machine, sizes: Sizes, depths: NDArray) -> Names:
+    """Names of the parts to their right, the smallest gap above the inset, the scale at the foot.
+
+    depths: as in `places_to_name`.
+    """
+    gap, names, u = machine.air_gap, [], sizes.unit
 
     def label(path: str, text: str, place: NDArray, scale: float,
               anchor: str = "center-left") -> Any:
@@ -186,20 +205,14 @@ def add_names(server: ViserServer, machine: Machine, sizes: Sizes, body_depths: 
     def name(text: str, place: NDArray, anchor: str = "center-left") -> None:
         names.append(label(f"/names/{text}", text, place, 1.0, anchor))
 
-    for body, depth in zip(machine.bodies, body_depths, strict=True):
-        reach = 1.24 * sizes.stator if gap and body.name == gap.body else 1.1 * drawn_radius(machine, body) + 0.2 * u
-        name(body.name, right * reach + [0, 0, -depth])
-    if machine.shaft is not None:
-        for bearing in (*machine.bearings, *machine.thrust_bearings):
-            name(bearing.name, right * 5.4 * sizes.shaft
-                 + [0, 0, -float(machine.shaft.nodes[bearing.node])])
-    foot = np.array([0.0, 0.0, sizes.bottom - 2.1 * u])
-    scale = label("/scale", "", foot, 1.0, "top-center")
+    for text, place in places_to_name(machine, sizes, depths):
+        name(text, place)
+    scale = label("/scale", "", np.array([0.0, 0.0, sizes.bottom - 2.1 * u]), 1.0, "top-center")
     if gap is None:
         return Names(names, None, scale)
     inset = inset_place(sizes)
     name("stator, cut away", LEFT * 1.22 * sizes.stator + [0, 0, 0.2 * u], "center-right")
-    name("arrow: magnetic pull", right * 0.35 * u + [0, 0, sizes.top + 1.1 * u])
+    name("arrow: magnetic pull", -LEFT * 0.35 * u + [0, 0, sizes.top + 1.1 * u])
     name(f"orbit in its gap of {1e3 * gap.gap:.3g} mm", inset - [0, 0, (1.1 * INSET + 0.3) * u],
          "top-center")
     return Names(names, label("/gap", "", inset + [0, 0, (1.1 * INSET + 0.2) * u], 1.55,

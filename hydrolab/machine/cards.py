@@ -24,17 +24,11 @@ import numpy as np
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.bearings import BEARINGS, Bearing
-from hydrolab.machine.crack import Crack
-from hydrolab.machine.gap_shape import GapShape
 from hydrolab.machine.parts import (
-    AirGap,
+    KINDS,
     Machine,
-    RayleighDamping,
-    RigidBody,
-    Shaft,
     require_machine,
 )
-from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.quantities import (
     UNITS,
     BadParts,
@@ -55,9 +49,9 @@ from hydrolab.machine.quantities import (
 SCHEMA = 1
 SOURCES = ("paper", "Table 1", "literature", "derived", "calibrated", "assumed")
 CONVERTED = {unit for units in UNITS.values() for unit in units} - set(UNITS)
-# parts of which a machine has one, and those of which it has several, each under its table
-ALONE: tuple[type[Part], ...] = (Shaft, Poles, RayleighDamping, AirGap)
-SEVERAL: tuple[type[Part], ...] = (RigidBody, Bearing, Crack, GapShape)
+# parts of which a machine has one, and those of which it has several, told apart by their names
+ALONE = tuple(kind for kind in KINDS if "name" not in declared(kind))
+SEVERAL = tuple(kind for kind in KINDS if "name" in declared(kind))
 
 
 class CardKey(NamedTuple):
@@ -81,9 +75,8 @@ def card_keys() -> list[CardKey]:
     """Return every key that a card may hold, in the order of its tables."""
     rows = [CardKey("schema", "the card", "the form of the card", "", f"{SCHEMA}",
                     f"schema = {SCHEMA}", True)]
-    kinds: tuple[type[Part], ...] = (Machine, Shaft, RigidBody, *BEARINGS, RayleighDamping, AirGap,
-                                     Crack, Poles, GapShape)
-    for kind in kinds:
+    kinds = (one for kind in KINDS for one in (BEARINGS if kind is Bearing else (kind,)))
+    for kind in (Machine, *kinds):
         prefix = f"{kind.table}.…" if "name" in declared(kind) and kind.table else kind.table
         what = f"[{kind.table}]" if kind in ALONE else kind.noun
         rows += [CardKey(dotted(prefix, name), what, held.meaning,

@@ -12,12 +12,12 @@ Two elements share one set of shape functions with the shear parameter Φ = 12 E
 - "timoshenko": Φ everywhere; the rotary inertia is that of the section's own rotation
   (M. I. Friswell et al., Dynamics of Rotating Machines, 2010, section 5.4).
 
-SymPy is loaded on the first call, and each element is derived once per process.
+What runs are the functions of `element_matrices`, which a script writes from this derivation; SymPy
+is loaded where somebody looks at it, and each element is derived once per process.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
@@ -25,11 +25,13 @@ from typing import TYPE_CHECKING
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
+from hydrolab.machine import element_matrices
 
 if TYPE_CHECKING:
     import sympy as sp
 
-ELEMENTS = ("lalanne-ferraris", "timoshenko")
+ELEMENTS = {"lalanne-ferraris": element_matrices.lalanne_ferraris,
+            "timoshenko": element_matrices.timoshenko}
 
 
 @cache
@@ -124,8 +126,7 @@ def element_matrices_symbolic(element: str) -> tuple[sp.ImmutableMatrix, sp.Immu
     Raises BadInput if `element` is not "lalanne-ferraris" or "timoshenko".
     """
     import sympy as sp
-    if element not in ELEMENTS:
-        raise BadInput(f"element is {element!r}; it must be one of {', '.join(ELEMENTS)}.")
+    check_element(element)
     c = symbols()
     fields, strains = interpolation()
     if element == "lalanne-ferraris":
@@ -154,13 +155,10 @@ def _along_element(B: sp.Matrix, density: sp.Matrix) -> sp.ImmutableMatrix:
     return sp.ImmutableMatrix(integrand.applyfunc(integral))
 
 
-@cache
-def _numeric(element: str) -> Callable[..., list[NDArray]]:
-    """The symbolic M, G, K as one NumPy function of (L, Phi, E, rho, A, I)."""
-    import sympy as sp
-    c = symbols()
-    return sp.lambdify((c.L, c.Phi, c.E, c.rho, c.A, c.I), element_matrices_symbolic(element),
-                       "numpy", cse=True)
+def check_element(element: str) -> None:
+    """Raise BadInput if `element` is not one of `ELEMENTS`."""
+    if element not in ELEMENTS:
+        raise BadInput(f"element is {element!r}; it must be one of {', '.join(ELEMENTS)}.")
 
 
 def shaft_element(element: str, length: float, young: float, density: float, area: float,
@@ -174,7 +172,8 @@ def shaft_element(element: str, length: float, young: float, density: float, are
 
     Raises BadInput if `element` is not one of the two.
     """
+    check_element(element)
     shear_modulus = young / (2 * (1 + poisson))
     phi = 12 * young * second_moment / (shear_coefficient * shear_modulus * area * length**2)
-    M, G, K = _numeric(element)(length, phi, young, density, area, second_moment)
+    M, G, K = ELEMENTS[element](length, phi, young, density, area, second_moment)
     return M, G, K

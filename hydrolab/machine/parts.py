@@ -233,6 +233,11 @@ class RayleighDamping(Part):
                                               example=(1, "%"))
 
 
+# What a card has tables of, in their order: one of a kind, or several that have names.
+KINDS: tuple[type[Part], ...] = (Shaft, RigidBody, Bearing, RayleighDamping, AirGap, Crack, Poles,
+                                 GapShape)
+
+
 @dataclass(frozen=True, eq=False)
 class Machine(Part):
     """A machine as its card describes it; `model()` turns it into matrices and a force law.

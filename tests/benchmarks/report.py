@@ -7,6 +7,7 @@ is installed into an environment of its own, or taken from the interpreter that 
 names.
 """
 
+import argparse
 import json
 import subprocess
 import sys
@@ -75,13 +76,17 @@ def table(benchmarks):
 
 def main():
     """Run the benchmarks and print the table."""
+    options = argparse.ArgumentParser(prog="python -m tests.benchmarks.report",
+                                      description=__doc__.split("\n\n")[0])
+    options.add_argument("--quick", action="store_true", help="each once and the long ones "
+                         "shortened: whether it runs, not how fast it is")
+    extent = [] if options.parse_args().quick else ["--benchmark-only"]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "benchmarks.json"
-        command = [sys.executable, "-m", "pytest", "-q", "-rs", "-p", "no:xdist", "-p",
-                   "no:cacheprovider",
-                   str(Path(__file__).parent), "--benchmark-only", f"--benchmark-json={out}",
+        command = [sys.executable, "-m", "pytest", "-q", "-rs", "-n0", "-p", "no:cacheprovider",
+                   str(Path(__file__).parent), *extent, f"--benchmark-json={out}",
                    "--benchmark-columns=min"]
-        done = subprocess.run(command, capture_output=True, text=True)
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             sys.exit(done.stdout + done.stderr)
         print(table(json.loads(out.read_text())["benchmarks"]))

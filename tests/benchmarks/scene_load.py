@@ -142,16 +142,19 @@ def main() -> None:
     options.add_argument("--minutes", type=float, default=2.0, help="of the soak (default: "
                          "%(default)s)")
     options.add_argument("--viewers", type=int, default=30)
+    options.add_argument("--seconds", type=float, default=15.0, help="of the first two "
+                         "measurements (default: %(default)s)")
     chosen = options.parse_args()
     server = open_server(port=0)
     scene = MachineScene(server, load_machine("kaplan-150rpm"))
     scene.run()
     port = server.get_port()
     for viewers in (1, chosen.viewers):
-        rate, share, _ = measured(port, viewers, 15.0)
+        rate, share, _ = measured(port, viewers, chosen.seconds)
         print(f"{viewers} viewers: {rate:.1f} poses/s, {100 * share:.0f} % of one core", flush=True)
     spawn = multiprocessing.get_context("spawn")
-    watching = spawn.Process(target=crowd, args=(port, 1, 60.0, False, spawn.Queue()))
+    unread = spawn.Queue()  # kept: the child finds it only while it is there
+    watching = spawn.Process(target=crowd, args=(port, 1, 60.0, False, unread))
     watching.start()
     while not server.get_clients():
         time.sleep(0.1)

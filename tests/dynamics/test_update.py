@@ -6,7 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hydrolab import HarmonicBalance, ShapedPull, follow, load_machine, orbits_at, update_branch, vary
+from hydrolab import (
+    HarmonicBalance,
+    ShapedPull,
+    follow,
+    load_machine,
+    orbits_at,
+    sweep,
+    update_branch,
+    vary,
+)
 from hydrolab.dynamics.batch import MOVED
 from hydrolab.dynamics.branches import Arclength
 from hydrolab.errors import BadInput
@@ -121,3 +130,13 @@ def test_only_branches_along_eccentricity(unit, speed):
     along_field = follow(unit, "field", to=1.02, speed=speed, static_eccentricity=0.03)
     with pytest.raises(BadInput, match="the branch runs along field"):
         update_branch(along_field, unit)
+
+
+def test_a_sweep_is_moved_too(unit, speed):
+    values = [0.0, 0.02, 0.05]
+    moved = update_branch(sweep(unit, HarmonicBalance(), values, speed=speed),
+                          unit.with_field(0.97))
+    assert moved.stopped == MOVED
+    for point in moved:
+        own = HarmonicBalance().solve(unit.with_field(0.97), speed, point.static_eccentricity)
+        assert point.local == pytest.approx(own.local, abs=1e-9 * unit.gap)

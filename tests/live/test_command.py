@@ -118,7 +118,8 @@ def test_a_run_sheet_is_recorded_as_one_file_that_asks_for_nothing(tmp_path):
     scenes = [base64.b64decode(step["scene"]) for step in data["steps"]]
     assert scenes[0] != scenes[1] and all(len(scene) > 10_000 for scene in scenes)
     player = base64.b64decode(data["player"]).decode()
-    assert player.count("</head>") >= 1 and "__VISER_EMBED_DATA__=" not in player.split("</head>")[0]
+    assert player.count("</head>") >= 1
+    assert "__VISER_EMBED_DATA__=" not in player.split("</head>")[0]
     assert not re.findall(r"""(?:src|href)=["']?https?://""", text.replace(data["player"], ""))
     assert path.stat().st_size < 3_000_000
     assert current_server() is None

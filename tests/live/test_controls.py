@@ -222,7 +222,6 @@ def test_everyone_reads_the_big_number(stage, raw):
 
 
 # --- before a room
-# ------------------------------------------------------------------------------------------------
 
 @pytest.fixture
 def room():
@@ -309,9 +308,12 @@ def test_a_presenter_goes_through_the_run_sheet(room, raw):
                                         if m["type"] == "SetCameraPositionMessage"])
     assert list(camera[-1]["position"]) == [0.1, 0.0, 12.0]
     assert not [m for m in watcher.heard if m["type"].startswith("SetCamera")]
-    for press in ("next", "next", "next"):
+    for press in ("next", "next"):
         presenter.set(turn, press)
     presenter.wait(lambda _: room.scene.settings.leg == 2)
+    told = presenter.wait(lambda me: [m["props"]["title"] for m in me.heard
+                                      if m["type"] == "NotificationShowMessage"])
+    assert told == ["That was the last step"]  # the end is not silent, and nothing moves
     presenter.wait(lambda me: "step 3 of 3" in html_shown(me) and "see &lt;3&gt;" in html_shown(me))
     presenter.set(presenter.control("static eccentricity, %"), 1.0)
     presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.01))
@@ -325,7 +327,6 @@ def test_a_presenter_goes_through_the_run_sheet(room, raw):
 
 
 # --- the parts
-# ----------------------------------------------------------------------------------------------------
 
 def test_the_wait_after_wrong_guesses_doubles_for_each_address_alone():
     clock = [0.0]
@@ -353,7 +354,7 @@ def test_pins_are_six_digits_and_not_the_same():
 
 
 def test_words_are_escaped_and_complete():
-    assert "<script>" not in big_number(0.001,
-                                        "<script>") + room_words(dataclasses.replace(SHEET.steps[0], ask="<script>"))
+    asked = dataclasses.replace(SHEET.steps[0], ask="<script>")
+    assert "<script>" not in big_number(0.001, "<script>") + room_words(asked)
     assert "minute 1 to 2 of 3" in presenter_words(SHEET, 1)
     assert "smallest gap" not in big_number(math.inf, "no gap here")

@@ -13,7 +13,7 @@ import viser
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from hydrolab.live.notebook import frame_address
+from hydrolab.live.cell import frame_address
 from hydrolab.live.server import open_server
 from tests.jupyter_process import TOKEN, jupyter_process
 

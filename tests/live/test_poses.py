@@ -123,8 +123,8 @@ def test_rings_are_what_the_shaft_sweeps(where):
     assert rings.shape == (where.nodes * 48, 2, 3) and away.shape == rings.shape[:2]
     node = 5
     ring = rings[node * 48:(node + 1) * 48]
-    assert ring[0, 0] == pytest.approx(ring[-1, 1]) and set(ring[...,
-                                                                 2].ravel()) == {-where.depths[node]}
+    assert ring[0, 0] == pytest.approx(ring[-1, 1])
+    assert set(ring[..., 2].ravel()) == {-where.depths[node]}
     path = 30 * where.motion(2 * np.pi * np.arange(3600) / 3600)[node, :2]
     for k in range(48):
         u = np.array([math.cos(2 * np.pi * k / 48), math.sin(2 * np.pi * k / 48)])
@@ -165,7 +165,7 @@ BLOCK = solids.box(1, 2, 0.5, 0, 1)
                                    BLOCK,
                                    solids.blade(0.4, 1.3), solids.tube(0.3, -2, 1, 9),
                                    solids.joined(BLOCK,
-                                                 solids.turned(solids.moved(BLOCK, x=3), 1))],
+                                                 solids.turned(solids.raised(BLOCK, 3), 1))],
                          ids=["ring", "sector", "box", "blade", "tube", "joined"])
 def test_solids_are_closed_and_face_outwards(solid):
     vertices, faces = solid

@@ -52,7 +52,8 @@ def test_every_number_the_room_is_told_holds(path):
         said = numbers(step.see)
         for name, value in step.holds.items():
             written = [word for word in said if float(word) == value]
-            assert written or name in COUNTS, f"{step.title}: {name} = {value:g} is not in {step.see!r}"
+            assert written or name in COUNTS, (
+                f"{step.title}: {name} = {value:g} is not in {step.see!r}")
             if name in COUNTS:
                 assert found[name] == value, f"{step.title}: {name} is {found[name]}"
                 continue

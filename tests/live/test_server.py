@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 import time
+import warnings
 import urllib.request
 
 import msgspec
@@ -58,7 +59,6 @@ def works(server, raw):
 
 
 # --- where it listens
-# ---------------------------------------------------------------------------------------------
 
 def test_it_listens_on_this_computer_alone():
     server = open_server()
@@ -138,7 +138,6 @@ def test_ctrl_c_ends_a_program_that_waits(tmp_path):
 
 
 # --- what clients may say
-# -----------------------------------------------------------------------------------------
 
 NONSENSE = [99999, -1, 10.000001, "7", "", None, True, math.nan, math.inf, -math.inf, [7.0],
             {"a": 1}, b"7", 2**63]
@@ -262,6 +261,23 @@ def test_rubbish_costs_its_sender_the_connection_and_nobody_else(slider_server, 
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_camera_of_the_wrong_shape_prints_nothing(raw, capfd):
+    """viser warns of it before anything of ours is asked; with the warning an error, as here, the
+    connection would end.
+    """
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        server = open_server(port=0)
+        client = raw(server.get_port())
+        for shape in ([1.0, 2.0, 3.0], [], [[1.0]], b"12", {"a": 1}):
+            client.say(raw.camera | {"wxyz": shape})
+            client.say(raw.camera | {"position": [*shape, 1.0]})
+        last = server.scene.add_frame("/last")
+        client.wait(lambda me: any(m.get("name") == last.name for m in me.heard))
+        client.close()
+    assert not seen and capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize("field", ["wxyz", "position", "fov", "look_at", "up_direction", "near"])
 def test_a_camera_without_sense_is_dropped(slider_server, raw, field):
     from hydrolab.live.gate import is_camera
@@ -330,7 +346,6 @@ def test_pages_of_others_may_not_connect(slider_server, raw, origin, host, welco
 
 
 # --- how many
-# -----------------------------------------------------------------------------------------------------
 
 def test_thirty_clients_and_one_that_never_reads(slider_server, raw):
     port = slider_server.get_port()

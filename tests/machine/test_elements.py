@@ -4,14 +4,16 @@
 import subprocess
 import sys
 from math import pi
+from pathlib import Path
 
 import numpy as np
 import pytest
 import scipy.linalg
 
 from hydrolab.errors import BadInput
-from hydrolab.machine import elements
+from hydrolab.machine import element_matrices, elements
 from hydrolab.machine.elements import shaft_element
+from tests.machine.generate_elements import module_text
 
 E, RHO, NU, KAPPA, L = 2.0e11, 7850.0, 0.3, 0.886, 0.8
 A, I = pi / 4 * 0.3**2, pi / 64 * 0.3**4
@@ -255,6 +257,10 @@ def test_what_is_displayed_is_what_runs():
     for symbolic, numeric in zip((M, G, K), stock("timoshenko"), strict=True):
         np.testing.assert_allclose(np.array(symbolic.subs(numbers).tolist(), dtype=float), numeric,
                                    rtol=1e-12)
+
+
+def test_the_functions_that_run_are_the_ones_derived():
+    assert Path(element_matrices.__file__).read_text(encoding="utf-8") == module_text()
 
 
 def test_an_unknown_element_is_refused_in_a_sentence():

@@ -54,11 +54,11 @@ class MachineView:
 
 def _hint() -> str:
     """On a hub without the proxy the frame stays empty; say what is missing."""
-    if "JUPYTERHUB_SERVICE_PREFIX" in os.environ and importlib.util.find_spec("jupyter_server_proxy") is None:
-        return ("<div>On a hub the 3D view needs jupyter-server-proxy: pip install "
-                "'hydrolab[hub]', "
-                "then restart the server.</div>")
-    return ""
+    if "JUPYTERHUB_SERVICE_PREFIX" not in os.environ or importlib.util.find_spec(
+            "jupyter_server_proxy"):
+        return ""
+    return ("<div>On a hub the 3D view needs jupyter-server-proxy: pip install 'hydrolab[hub]', "
+            "then restart the server.</div>")
 
 
 def show(what: Machine | PeriodicOrbit | Branch, machine: Machine | None = None, *,
@@ -67,29 +67,27 @@ def show(what: Machine | PeriodicOrbit | Branch, machine: Machine | None = None,
     this notebook shows it too.
 
     machine: what the orbit or the branch is of; by default the shipped card of that name. height:
-    pixels. Raises BadInput where the machine is not known, or the branch is along another
-    parameter.
+    pixels. Raises BadInput where the machine is not known, the branch is along another parameter,
+    or a period is longer than a revolution.
     """
     if isinstance(height, bool) or not isinstance(height, int) or not 100 <= height <= 4000:
         raise BadInput(f"height is {height!r}; give whole pixels from 100 to 4000.")
+    if not isinstance(what, Machine | PeriodicOrbit | Branch):
+        raise BadInput(f"A {type(what).__name__} cannot be shown in 3D; give a machine, an orbit "
+                       "or a branch.")
+    if not isinstance(what, Machine):
+        machine = _machine_of(what.equations, machine)
     branch, first = None, {}
     if isinstance(what, Machine):
         machine = what
     elif isinstance(what, Branch):
-        machine, branch = _machine_of(what.equations, machine), what
-        if what.parameter != "static_eccentricity" or what.values[0] != 0 or abs(what.direction[1]) > 1e-9:
-            raise BadInput("This branch does not begin at static_eccentricity 0, along x; show one "
-                           "that does, or one of its "
-                           "orbits.")
-    elif isinstance(what, PeriodicOrbit):
-        machine = _machine_of(what.equations, machine)
+        branch = what
+        _check_branch(branch)
+    else:
         if abs(what.centre[1]) > 1e-12:
             raise BadInput("The stator of this orbit is not off centre along x; the 3D view shows "
                            "offsets along x.")
         first = {"static_eccentricity": what.static_eccentricity}
-    else:
-        raise BadInput(f"A {type(what).__name__} cannot be shown in 3D; give a machine, an orbit "
-                       "or a branch.")
     server = open_server(label=machine.name)
     scene = MachineScene(server, machine, branch, **first)
     stop_with_server(scene.stop)
@@ -101,23 +99,34 @@ def show(what: Machine | PeriodicOrbit | Branch, machine: Machine | None = None,
                        frame_address(server), height)
 
 
+def _check_branch(branch: Branch) -> None:
+    """Raise BadInput for a branch that the sliders of the 3D view cannot move along."""
+    along = branch.parameter == "static_eccentricity" and abs(branch.direction[1]) < 1e-9
+    if not along or branch.values[0] != 0:
+        raise BadInput("This branch does not begin at static_eccentricity 0, along x; show one "
+                       "that does, or one of its orbits.")
+
+
 def _machine_of(equations: Condensed, machine: Machine | None) -> Machine:
     """The machine of a result, turning at the result's speed.
 
     Raises BadInput where it is not the one given, or not the shipped card of that name.
     """
     model = equations.model
+    if equations.revolutions > 1:
+        raise BadInput(f"This motion repeats every {equations.revolutions} revolutions; the 3D "
+                       "view shows motions of one.")
     try:
         machine = machine or load_machine(model.name)
     except BadInput:
-        raise BadInput(f"Which machine is {model.name!r}? Give it as well: show(result, machine).") from None
+        raise BadInput(f"Which machine is {model.name!r}? Give it as well: "
+                       "show(result, machine).") from None
     own = machine.model()
     same = all(np.array_equal(getattr(own, name), getattr(model, name))
                for name in ("M", "C", "G", "K", "unbalance_sin", "unbalance_cos"))
     if not same or own.gap != model.gap or repr(own.law) != repr(model.law):
         raise BadInput(f"This result is not of {machine.name} as it stands in its card; give the "
-                       "machine that it is of: "
-                       "show(result, machine).")
+                       "machine that it is of: show(result, machine).")
     return vary(machine, {"speed": equations.speed})
 
 

@@ -7,7 +7,7 @@ import pytest
 from hydrolab import HarmonicBalance, follow, load_machine, orbits_at
 from hydrolab.errors import BadInput
 from hydrolab.figures.readings import reading
-from hydrolab.live.notebook import show
+from hydrolab.live.cell import show
 from hydrolab.live.server import current_server
 
 

@@ -1,0 +1,319 @@
+"""The course as a JupyterLite site: JupyterLab and Python in the browser, nothing installed.
+
+One folder of files that any web server can serve. Python itself is Pyodide (CPython compiled to
+WebAssembly); hydrolab and what it needs become packages of its distribution, so that a notebook's
+kernel starts with everything importable and no cell installs anything. With a Pyodide distribution
+at hand nothing is fetched when a page is read; without one the large packages come from the public
+distribution that `PUBLIC` names, and all else from the folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import http.server
+import importlib.metadata
+import importlib.util
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tarfile
+import tempfile
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from hydrolab import __version__
+from hydrolab.errors import BadInput
+from hydrolab.addresses import in_words, trouble
+
+PYODIDE = "0.27.7"  # what jupyterlite-pyodide-kernel 0.6 is made for
+PUBLIC = f"https://cdn.jsdelivr.net/pyodide/v{PYODIDE}/full/"
+NEEDED = ("jupyterlite_core", "jupyterlite_pyodide_kernel")
+EXTENSIONS = ("anywidget", "@jupyter-widgets/jupyterlab-manager",
+              "@jupyterlite/pyodide-kernel-extension")  # of all that JupyterLab has here
+CORE = ("pyodide.js", "pyodide.asm.js", "pyodide.asm.wasm", "python_stdlib.zip")
+# What the kernel starts with. The first seven it would otherwise look up and install one by one.
+KERNEL = ("micropip", "piplite", "ssl", "sqlite3", "ipykernel", "comm", "pyodide-kernel", "jedi",
+          "ipython")
+COURSE = ("numpy", "scipy", "matplotlib", "pillow", "hydrolab")
+# Pure Python packages that the chapters need and Pyodide does not have.
+PURE = {"sympy": ("mpmath",), "mpmath": (), "threadpoolctl": (), "tomlkit": (),
+        "ipywidgets": ("comm", "jupyterlab-widgets", "traitlets", "ipython"),
+        "jupyterlab-widgets": (), "anywidget": ("ipywidgets", "psygnal", "typing-extensions"),
+        "psygnal": (), "typing-extensions": (), "comm": ("traitlets",), "traitlets": (),
+        "rich": ("markdown-it-py", "pygments"), "markdown-it-py": ("mdurl",), "mdurl": ()}
+NEEDS = ("numpy", "scipy", "matplotlib", "pillow", *PURE)  # of hydrolab there
+IMPORTS = {"pyodide-kernel": ("pyodide_kernel",), "typing-extensions": ("typing_extensions",),
+           "markdown-it-py": ("markdown_it",), "jupyterlab-widgets": ("jupyterlab_widgets",)}
+SETTINGS = {  # of JupyterLab: what is typed survives a reload, and leaves in one click
+    "@jupyterlab/docmanager-extension:plugin": {"autosaveInterval": 5},
+    "@jupyterlab/notebook-extension:panel": {"toolbar": [
+        {"name": "download", "command": "docmanager:download", "rank": 11, "label": "Download"}]},
+    "@jupyterlab/apputils-extension:notification": {
+        "checkForUpdates": False, "fetchNews": "false", "doNotDisturbMode": True},
+}
+FRONT = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>hydrolab</title>
+<meta http-equiv="refresh" content="0; url=lab/index.html?path={first}">
+<script id="jupyter-config-data" type="application/json" data-jupyter-lite-root=".">{{}}</script></head>
+<body><p><a href="lab/index.html?path={first}">Open the course</a>. {where}</p></body></html>
+"""
+FONT_FIELDS = ("fname", "name", "style", "variant", "weight", "stretch", "size", "__class__")
+
+
+def build_site(files: Mapping[str, bytes], out: Path, pyodide: Path | None = None) -> str:
+    """Build the site into a folder and return one sentence on it.
+
+    files: the course, by path within it. out: the folder; what an earlier build left is replaced.
+    pyodide: a Pyodide distribution, a folder or an archive of one; without it its core is fetched
+    with npm, and its packages stay on the public server.
+    Raises BadInput where the tools are missing, the distribution lacks something, or `out` holds
+    anything else.
+    """
+    missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    if missing:
+        raise BadInput(f"The live course needs {', '.join(missing)}; install hydrolab with its "
+                       'extra: pip install -e ".[live]"')
+    if out.exists() and (not out.is_dir()
+                         or any(out.iterdir()) and not (out / "jupyter-lite.json").is_file()):
+        raise BadInput(f"--out is {out}, which holds something else than an earlier build; name "
+                       "an empty folder.")
+    with tempfile.TemporaryDirectory(prefix="hydrolab-live-") as name:
+        work = Path(name)
+        core = _unpacked(pyodide, work / "core") if pyodide else _from_npm(work / "core")
+        _check_version(core)
+        contents = work / "contents"
+        for path, data in files.items():
+            (contents / path).parent.mkdir(parents=True, exist_ok=True)
+            (contents / path).write_bytes(data)
+        made = work / "site"
+        (work / "overrides.json").write_text(json.dumps(SETTINGS), encoding="utf-8")
+        _jupyterlite(work, contents, made)
+        _distribution(core, made / "pyodide", public=pyodide is None)
+        _configure(made, min(name for name in files if name.endswith(".ipynb")),
+                   public=pyodide is None)
+        shutil.rmtree(out, ignore_errors=True)
+        shutil.copytree(made, out)
+    size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
+    said = f"{out} holds the live course, {size:.0f} MB"
+    return f"{said}; no page asks another computer." if pyodide else (
+        f"{said}. Its pages fetch NumPy, SciPy and Matplotlib from {PUBLIC}; with --pyodide and a "
+        "Pyodide distribution they ask no other computer.")
+
+
+def _unpacked(source: Path, target: Path) -> Path:
+    """The folder of a distribution that is a folder or an archive: where its lock file lies."""
+    if source.is_dir():
+        target = source
+    elif tarfile.is_tarfile(source):
+        with tarfile.open(source) as archive:
+            archive.extractall(target, filter="data")
+    elif zipfile.is_zipfile(source):
+        with zipfile.ZipFile(source) as archive:
+            archive.extractall(target)
+    else:
+        raise BadInput(f"--pyodide is {source}; it must be a folder or an archive (tar, zip) of a "
+                       f"Pyodide {PYODIDE} distribution.")
+    locks = sorted(target.rglob("pyodide-lock.json"), key=lambda path: len(path.parts))
+    if not locks:
+        raise BadInput(f"--pyodide is {source}, which has no pyodide-lock.json; it must be a "
+                       f"Pyodide {PYODIDE} distribution.")
+    return locks[0].parent
+
+
+def _from_npm(target: Path) -> Path:
+    """Pyodide's core, which npm has; its packages are not there."""
+    npm = shutil.which("npm")
+    done = npm and subprocess.run([npm, "pack", "--silent", f"pyodide@{PYODIDE}"], text=True,
+                                  cwd=_made(target), capture_output=True, timeout=300, check=False)
+    if not done or done.returncode:
+        raise BadInput("The live course needs Pyodide: give a distribution with --pyodide, or "
+                       "install npm, which fetches its core.")
+    return _unpacked(target / done.stdout.strip().split("\n")[-1], target)
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _check_version(core: Path) -> None:
+    """Raise BadInput for another version than the kernel is made for."""
+    found = json.loads((core / "pyodide-lock.json").read_text(encoding="utf-8"))["info"]["version"]
+    if found.rsplit(".", 1)[0] != PYODIDE.rsplit(".", 1)[0]:
+        raise BadInput(f"--pyodide is version {found}; the browser's kernel needs {PYODIDE}.")
+
+
+def _jupyterlite(work: Path, contents: Path, made: Path) -> None:
+    """Run JupyterLite's own build: JupyterLab, the widgets' extensions, the kernel, the files."""
+    share = Path(sys.prefix) / "share" / "jupyter" / "labextensions"
+    config = {"contents": [str(contents)], "output_dir": str(made),
+              "apps": ["lab", "tree", "notebooks"], "no_sourcemaps": True,
+              "no_unused_shared_packages": True, "no_libarchive": True,
+              "ignore_sys_prefix": ["federated_extensions"],
+              "federated_extensions": [str(share / name) for name in EXTENSIONS]}
+    (work / "jupyter_lite_config.json").write_text(json.dumps({"LiteBuildConfig": config}),
+                                                   encoding="utf-8")
+    command = [sys.executable, "-m", "jupyter", "lite", "build"]
+    done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise BadInput(f"The live course was not built:\n{(done.stdout + done.stderr)[-3000:]}")
+
+
+def _distribution(core: Path, target: Path, *, public: bool) -> None:
+    """Write the distribution that the kernel starts from: core, packages, and their lock file."""
+    target.mkdir()
+    for name in CORE:
+        shutil.copyfile(core / name, target / name)
+    lock = json.loads((core / "pyodide-lock.json").read_text(encoding="utf-8"))
+    packages: dict[str, dict[str, Any]] = lock["packages"]
+    fonts = core / packages["matplotlib"]["file_name"]
+    for name, wheel, needs, imports in _own_wheels(target, fonts):
+        packages[name] = _entry(name, wheel, needs, imports, target)
+    kept = dict(sorted((name, packages[name]) for name in _closure(packages, (*KERNEL, *COURSE))))
+    for name, entry in kept.items():
+        if (target / entry["file_name"]).is_file():
+            continue
+        if public:
+            entry["file_name"] = PUBLIC + entry["file_name"]
+        elif (core / entry["file_name"]).is_file():
+            shutil.copyfile(core / entry["file_name"], target / entry["file_name"])
+        else:
+            raise BadInput(f"--pyodide has no {entry['file_name']}, which {name} needs; give the "
+                           "full distribution.")
+    text = json.dumps(lock | {"packages": kept}, indent=1)
+    (target / "pyodide-lock.json").write_text(text, encoding="utf-8")
+
+
+def _closure(packages: Mapping[str, Mapping[str, Any]], wanted: Iterable[str]) -> set[str]:
+    """The packages wanted and all that they need."""
+    found: set[str] = set()
+    left = [name.lower().replace("_", "-") for name in wanted]
+    while left:
+        name = left.pop()
+        if name not in packages:
+            raise BadInput(f"The Pyodide distribution has no package {name}; give the full one.")
+        if name not in found:
+            found.add(name)
+            left += [need.lower().replace("_", "-") for need in packages[name]["depends"]]
+    return found
+
+
+def _entry(name: str, wheel: Path, needs: Iterable[str], imports: Iterable[str],
+           target: Path) -> dict[str, Any]:
+    """A line of the lock file for a wheel, copied into the distribution."""
+    data = wheel.read_bytes()
+    if wheel.parent != target:
+        (target / wheel.name).write_bytes(data)
+    return {"depends": list(needs), "file_name": wheel.name, "imports": list(imports),
+            "install_dir": "site", "name": name, "package_type": "package",
+            "sha256": hashlib.sha256(data).hexdigest(), "unvendored_tests": False,
+            "version": wheel.name.split("-")[1]}
+
+
+def _own_wheels(target: Path, fonts: Path) -> Iterator[tuple[str, Path, tuple[str, ...], tuple[str, ...]]]:
+    """Name, wheel, needs and imports of each package that Pyodide does not bring."""
+    kernel = target.parent / "extensions" / "@jupyterlite" / "pyodide-kernel-extension"
+    for name, needs in (("piplite", ("micropip",)), ("pyodide-kernel", ("ipykernel", "ipython")),
+                        ("ipykernel", ("comm", "traitlets"))):
+        stem = f"{name.replace('-', '_')}-"
+        wheel = next(kernel.rglob(f"{stem}*.whl"))
+        yield name, wheel, needs, IMPORTS.get(name, (name,))
+    with tempfile.TemporaryDirectory(prefix="hydrolab-wheels-") as folder:
+        versions = [f"{name}=={importlib.metadata.version(name)}" for name in PURE]
+        done = subprocess.run([sys.executable, "-m", "pip", "download", "-q", "--no-deps",
+                               "--platform", "any", "--only-binary=:all:", "-d", folder, *versions],
+                              capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise BadInput(f"pip could not fetch what the course needs:\n{done.stderr[-1000:]}")
+        for name, needs in PURE.items():
+            wheel = next(Path(folder).glob(f"{name.replace('-', '_')}-*.whl"))
+            yield name, wheel, needs, IMPORTS.get(name, (name,))
+    yield "hydrolab", _wheel_of_hydrolab(target, fonts), NEEDS, ("hydrolab",)
+
+
+def _wheel_of_hydrolab(target: Path, matplotlib: Path) -> Path:
+    """A wheel of the hydrolab that runs this, as it stands."""
+    package = Path(__file__).resolve().parents[1]
+    wheel = target / f"hydrolab-{__version__}-py3-none-any.whl"
+    info = f"hydrolab-{__version__}.dist-info"
+    with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in sorted(package.rglob("*")):
+            part = path.relative_to(package)
+            if path.is_file() and not {"__pycache__", "_book"} & set(part.parts):
+                archive.write(path, f"hydrolab/{part.as_posix()}")
+        archive.writestr(f"{info}/METADATA",
+                         f"Metadata-Version: 2.1\nName: hydrolab\nVersion: {__version__}\n")
+        archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: hydrolab\n"
+                         "Root-Is-Purelib: true\nTag: py3-none-any\n")
+        archive.writestr(f"{info}/RECORD", "")
+        if matplotlib.is_file():
+            archive.writestr("matplotlib/fontlist.json", _font_list(matplotlib))
+    return wheel
+
+
+def _font_list(wheel: Path) -> str:
+    """The list that a wheel of Matplotlib would make of its own fonts at the first picture, where
+    Pyodide's looks for it.
+    """
+    import matplotlib.font_manager as here
+    with zipfile.ZipFile(wheel) as archive:
+        source = archive.read("matplotlib/font_manager.py").decode()
+    version = re.search(r"__version__ = (.+)", source)[1].strip("'\"")  # type: ignore[index]
+    made = json.loads(json.dumps(here.fontManager, cls=here._JSONEncoder))
+    made["_version"] = int(version) if version.isdigit() else version
+    for kind in ("ttflist", "afmlist"):  # a newer Matplotlib's entries have more fields
+        made[kind] = [{key: value for key, value in entry.items() if key in FONT_FIELDS}
+                      for entry in made[kind] if entry["fname"].startswith("fonts/")]
+    return json.dumps(made)
+
+
+def _configure(made: Path, first: str, *, public: bool) -> None:
+    """Tell the site's kernel where its distribution is and what to start with, and begin on a
+    chapter; where packages are public, the page says so.
+    """
+    packages = [*KERNEL, *COURSE, "anywidget", "sympy"]
+    kernel = {"pyodideUrl": "./pyodide/pyodide.js", "disablePyPIFallback": True,
+              "loadPyodideOptions": {
+                  "packages": packages, "lockFileURL": "./pyodide/pyodide-lock.json"}}
+    path = made / "jupyter-lite.json"
+    config = json.loads(path.read_text(encoding="utf-8"))
+    data = config["jupyter-config-data"]
+    data |= {"appName": "hydrolab", "exposeAppInBrowser": True}
+    where = (f"Python's packages come from {PUBLIC}." if public else
+             "Everything comes from this computer.")
+    (made / "index.html").write_text(FRONT.format(first=first, where=where), encoding="utf-8")
+    data["litePluginSettings"] = data.get("litePluginSettings", {}) | {
+        "@jupyterlite/pyodide-kernel-extension:kernel": kernel}
+    path.write_text(json.dumps(config, indent=1), encoding="utf-8")
+
+
+class Handler(http.server.SimpleHTTPRequestHandler):
+    """Serves the site's files with the types that a browser insists on, and says nothing."""
+
+    extensions_map = http.server.SimpleHTTPRequestHandler.extensions_map | {
+        ".wasm": "application/wasm", ".mjs": "text/javascript", ".js": "text/javascript",
+        ".whl": "application/zip", ".ipynb": "application/json", "": "application/octet-stream"}
+
+    def log_message(self, *args: Any) -> None:
+        """Print nothing: what a reader opens is the reader's own business."""
+
+    def handle(self) -> None:
+        """Serve, unless the reader has left meanwhile."""
+        with contextlib.suppress(ConnectionError):
+            super().handle()
+
+
+def serve_site(folder: Path, port: int = 0) -> http.server.ThreadingHTTPServer:
+    """A server of a built site on this computer alone, not yet running; port 0 takes a free one.
+
+    Raises BadInput where the port is taken.
+    """
+    if port and (number := trouble("127.0.0.1", port)) is not None:
+        raise BadInput(in_words(number, "127.0.0.1", port, "--host", "--port"))
+    return http.server.ThreadingHTTPServer(("127.0.0.1", port),
+                                           functools.partial(Handler, directory=str(folder)))
