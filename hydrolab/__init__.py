@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from hydrolab.dynamics.batch import update_branch
 from hydrolab.dynamics.branches import Arclength, follow, orbits_at, sweep
@@ -20,6 +24,7 @@ from hydrolab.dynamics.stability import branch_stability, floquet, stable_orbits
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.cards import card_names, card_text, load_machine, vary
 from hydrolab.machine.pull import CircularPull, LinearPull, ShapedPull
+from hydrolab.machine.quantities import number
 
 __version__ = "0.1.0"
 __all__ = [
@@ -31,7 +36,10 @@ __all__ = [
     "sweep_in_time", "truncation_error", "update_branch", "vary",
 ]
 
+Speed = TypeVar("Speed", float, NDArray)
 
-def rpm(speed: float) -> float:
-    """Revolutions per minute → rad/s."""
-    return speed * math.pi / 30
+
+def rpm(speed: Speed) -> Speed:
+    """Revolutions per minute, one or an array of them, → rad/s; BadInput for what is no number."""
+    own = speed if isinstance(speed, np.ndarray) else number("speed", speed, unit="rpm")
+    return own * math.pi / 30

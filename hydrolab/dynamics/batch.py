@@ -2,8 +2,8 @@
 
 A `Batch` stacks condensed systems; every array has the members first. Newton's method runs on all
 of them at once, drops those that have converged, and never lets one that fails disturb the others.
-
-A branch that follows a slider: all its points corrected together when the model changes a little.
+`update_branch` makes a branch follow a slider: all its points corrected together when the model
+changes a little.
 """
 
 from __future__ import annotations
@@ -12,19 +12,21 @@ import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.branches import Arclength, follow, path
+from hydrolab.dynamics.branches import Arclength, Path, follow, path
 from hydrolab.dynamics.continuation import Step, locate_fold
-from hydrolab.dynamics.harmonic_balance import Condensed
+from hydrolab.dynamics.harmonic_balance import BALANCED, Condensed
 from hydrolab.dynamics.harmonics import fourier_rows
-from hydrolab.dynamics.results import Branch, SpecialPoint
+from hydrolab.dynamics.results import Branch, SpecialPoint, require
 from hydrolab.dynamics.solvers import QUADRATIC
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.model import Model
 from hydrolab.machine.pull import CircularPull
+from hydrolab.machine.quantities import require_model
 
 
 class Outcome(IntEnum):
@@ -41,34 +43,45 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Condensed systems side by side: stiffness (B, 2K, 2K), linear (B, 2K), length and force (B,),
-    as in `Condensed`.
+    """Condensed systems of round gaps side by side: stiffness (B, 2K, 2K), linear (B, 2K), length
+    and force (B,), as in `Condensed`.
 
-    law: the pull with one strength and gap per member, each of shape (B, 1).
+    pull: strength k and gap g0 of each member's pull, (2, B, 1). rows, analysis: from coefficients
+    to samples and back, (K, N) and (N, K). products: both in one, (N, K²).
     """
 
     stiffness: NDArray
     linear: NDArray
     length: NDArray
     force: NDArray
-    law: CircularPull
+    pull: NDArray
     rows: NDArray
-    weights: NDArray
+    analysis: NDArray
+    products: NDArray
 
     def __len__(self) -> int:
         return len(self.length)
 
+    @property
+    def law(self) -> CircularPull:
+        """The pull with one strength and gap per member."""
+        return CircularPull(*self.pull)
+
     def take(self, index: NDArray) -> Batch:
         """The members at these indices (repeats allowed)."""
-        law = replace(self.law, stiffness=self.law.stiffness[index], gap=self.law.gap[index])
         return replace(self, stiffness=self.stiffness[index], linear=self.linear[index],
-                       length=self.length[index],
-                       force=self.force[index], law=law)
+                       length=self.length[index], force=self.force[index],
+                       pull=self.pull[:, index])
 
     def _positions(self, y: NDArray, centre: NDArray) -> NDArray:
         """Position relative to the stator, m, shape (2, B, N)."""
         path = y.reshape(len(y), 2, -1) @ self.rows
         return (path * self.length[:, None, None] - centre[:, :, None]).transpose(1, 0, 2)
+
+    def _harmonics(self, force: NDArray) -> NDArray:
+        """Harmonics of the pull from its samples, N, (2, B, N): scaled, (B, 2K)."""
+        found = (force @ self.analysis).transpose(1, 0, 2).reshape(force.shape[1], -1)
+        return found / self.force[:, None]
 
     def linearise(self, y: NDArray, centre: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Residuals (B, 2K), Jacobians (B, 2K, 2K) and slopes of the pull's part (B, 2K, 2K), all
@@ -76,21 +89,26 @@ class Batch:
 
         y: (B, 2K). centre: stator centres, m, (B, 2).
         """
-        members, columns, samples = len(y), *self.rows.shape
+        members, (columns, samples) = len(y), self.rows.shape
         force, slope, _ = self.law.linearise(self._positions(y, centre))
-        analysis = (self.weights[:, None] * self.rows).T
-        pull = (force @ analysis).transpose(1, 0, 2).reshape(members, -1) / self.force[:, None]
-        residual = np.einsum("bij,bj->bi", self.stiffness, y - self.linear) - pull
+        residual = np.einsum("bij,bj->bi", self.stiffness, y - self.linear) - self._harmonics(force)
         # The slope is symmetric: three blocks instead of four.
-        products = np.einsum("nk,ln->nkl", analysis, self.rows).reshape(samples, -1)
-        blocks = np.stack([slope[0, 0], slope[0, 1], slope[1, 1]]).reshape(-1, samples) @ products
-        blocks = blocks.reshape(3, members, columns,
-                                columns) * (self.length / self.force)[:, None, None]
+        blocks = np.stack([slope[0, 0], slope[0, 1], slope[1, 1]]).reshape(-1, samples)
+        blocks = (blocks @ self.products).reshape(3, members, columns, columns)
+        blocks = blocks * (self.length / self.force)[:, None, None]
         steep = np.empty((members, 2, columns, 2, columns))
         steep[:, 0, :, 0], steep[:, 1, :, 1] = blocks[0], blocks[2]
         steep[:, 0, :, 1] = steep[:, 1, :, 0] = blocks[1]
-        steep = steep.reshape(members, 2 * columns, 2 * columns)
-        return residual, self.stiffness - steep, steep
+        pull = steep.reshape(members, 2 * columns, 2 * columns)
+        return residual, self.stiffness - pull, pull
+
+    def balanced(self, y: NDArray, centre: NDArray) -> NDArray:
+        """Whether what is left over is small against the forces, the pull and the unbalance, (B,).
+        """
+        pull = self._harmonics(self.law.force(self._positions(y, centre)))
+        driven, held = (np.einsum("bij,bj->bi", self.stiffness, x) for x in (self.linear, y))
+        forces = np.maximum(np.abs(pull).max(axis=1), np.abs(driven).max(axis=1))
+        return np.abs(held - driven - pull).max(axis=1) <= BALANCED * forces
 
 
 def stack(systems: Sequence[Condensed]) -> Batch:
@@ -105,34 +123,37 @@ def stack(systems: Sequence[Condensed]) -> Batch:
     if other := next((s.model for s in systems if type(s.model.law) is not CircularPull), None):
         raise BadInput(f"{other.name} has the law {type(other.law).__name__}; a batch takes "
                        "circular gaps only.")
-    columns = 2 * first.harmonics + 1
-    weights = np.full(columns, 2 / first.samples)
+    weights = np.full((2 * first.harmonics + 1, 1), 2 / first.samples)
     weights[0] = 1 / first.samples
-    law = CircularPull(np.array([[s.model.law.stiffness] for s in systems]),
-                       np.array([[s.model.law.gap] for s in systems]))
+    rows = fourier_rows(first.harmonics, 2 * np.pi * np.arange(first.samples) / first.samples)
+    analysis = (weights * rows).T
+    laws = [cast(CircularPull, s.model.law) for s in systems]
     return Batch(np.stack([s.stiffness for s in systems]),
                  np.stack([s.linear.ravel() for s in systems]),
-                 np.array([s.length for s in systems]), np.array([s.force for s in systems]), law,
-                 fourier_rows(first.harmonics,
-                              2 * np.pi * np.arange(first.samples) / first.samples), weights)
+                 np.array([s.length for s in systems]), np.array([s.force for s in systems]),
+                 np.array([[[law.stiffness] for law in laws], [[law.gap] for law in laws]]),
+                 rows, analysis,
+                 np.einsum("nk,ln->nkl", analysis, rows).reshape(first.samples, -1))
 
 
 def newton_batch(batch: Batch, y: NDArray, centre: NDArray, tolerance: float = 1e-10,
                  max_steps: int = 25) -> tuple[NDArray, NDArray]:
     """Newton's method on every member; returns the unknowns (B, 2K) and an `Outcome` for each (B,).
 
-    A step that leaves the gap or does not reduce a member's residual is halved for that member
-    alone. As in `solvers.newton`, one more step is taken without looking back when the residual is
-    below the tolerance.
+    y: where to start, (B, 2K). centre: stator centres, m, (B, 2). tolerance: of the residual. A
+    step that leaves the gap or does not reduce a member's residual is halved for that member alone.
+    As in `solvers.newton`, one more step is taken without looking back when the residual is below
+    the tolerance.
     """
     y = y.copy()
     outcome = np.full(len(y), Outcome.STALLED, dtype=np.int8)
     active, part, at = np.arange(len(y)), batch, centre
     r, jacobian, _ = part.linearise(y, at)
     size = np.linalg.norm(r, axis=1)
-    outcome[~np.isfinite(size)] = Outcome.OUTSIDE
     keep = np.isfinite(size)
+    outcome[~keep] = Outcome.OUTSIDE
     for count in range(max_steps + 1):
+        # go on with those that neither left the gap nor stalled
         if not keep.all():
             active, part, at = active[keep], part.take(keep), at[keep]
             r, jacobian, size = r[keep], jacobian[keep], size[keep]
@@ -140,31 +161,45 @@ def newton_batch(batch: Batch, y: NDArray, centre: NDArray, tolerance: float = 1
             break
         step = solve_each(jacobian, r)
         length = np.linalg.norm(step, axis=1)
+        # those that are done take this last step, but not at a fold, where it would lead away
         done = size < tolerance
         outcome[active[done]] = Outcome.CONVERGED
-        last = done & (length < QUADRATIC)  # at a fold the last step would lead away; false for nan
+        last = done & (length < QUADRATIC)  # false for nan
         y[active[last]] -= step[last]
         going = ~done & np.isfinite(length)
         if count == max_steps or not going.any():
             break
+        # the others take theirs, halved as often as they must
         active, part, at = active[going], part.take(going), at[going]
-        step, size = step[going], size[going]
-        share = np.ones(len(active))
-        trial = y[active] - step
-        r, jacobian, _ = part.linearise(trial, at)
-        new_size = np.linalg.norm(r, axis=1)
-        for _ in range(11):
-            worse = ~((new_size < size) | (new_size < tolerance))  # true for nan
-            if not worse.any():
-                break
-            share[worse] /= 2
-            trial[worse] = y[active[worse]] - share[worse, None] * step[worse]
-            r[worse], jacobian[worse], _ = part.take(worse).linearise(trial[worse], at[worse])
-            new_size[worse] = np.linalg.norm(r[worse], axis=1)
-        keep = (new_size < size) | (new_size < tolerance)
-        y[active[keep]] = trial[keep]
-        size = new_size
+        y[active], r, jacobian, new = _halved(part, y[active], step[going], at, size[going],
+                                              tolerance)
+        keep, size = (new < size[going]) | (new < tolerance), new
+    found = np.flatnonzero(outcome == Outcome.CONVERGED)
+    if len(found):
+        held = batch.take(found).balanced(y[found], centre[found])
+        outcome[found[~held]] = Outcome.STALLED
     return y, outcome
+
+
+def _halved(part: Batch, y: NDArray, step: NDArray, centre: NDArray, size: NDArray,
+            tolerance: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Unknowns after the longest of the steps, halved up to 11 times, that reduces each residual;
+    with residuals, Jacobians and their sizes there. Where none does, the unknowns are as they were.
+    """
+    share = np.ones(len(y))
+    trial = y - step
+    r, jacobian, _ = part.linearise(trial, centre)
+    new = np.linalg.norm(r, axis=1)
+    for _ in range(11):
+        worse = ~((new < size) | (new < tolerance))  # true for nan
+        if not worse.any():
+            return trial, r, jacobian, new
+        share[worse] /= 2
+        trial[worse] = y[worse] - share[worse, None] * step[worse]
+        r[worse], jacobian[worse], _ = part.take(worse).linearise(trial[worse], centre[worse])
+        new[worse] = np.linalg.norm(r[worse], axis=1)
+    better = (new < size) | (new < tolerance)
+    return np.where(better[:, None], trial, y), r, jacobian, new
 
 
 def solve_each(matrices: NDArray, right: NDArray) -> NDArray:
@@ -187,37 +222,40 @@ def update_branch(branch: Branch, model: Model, speed: float | None = None) -> B
     """The branch of a model near the one it was followed on, by one batched bordered Newton from
     the old points.
 
-    Every point is corrected within the plane normal to the old branch, the first one at its own
-    eccentricity, and the folds are located anew. Where the branch changes its topology, a point is
-    lost or the gap is not circular, it is followed from scratch, up to half the gap. Raises
-    BadInput for a branch along another parameter, and what `follow` raises where nothing is left to
-    follow.
+    model: the changed one. speed: rad/s; by default that of the branch. Every point is corrected
+    within the plane normal to the old branch, the first one at its own eccentricity, and the folds
+    are located anew. Where the branch changes its topology, a point is lost or the gap is not
+    round, it is followed from scratch, up to half the gap. Raises BadInput for what is no branch
+    along the static eccentricity, and what `follow` raises where nothing is left to follow.
     """
+    require("branch", branch, Branch)
+    require_model(model)
     speed = branch.equations.speed if speed is None else speed
     if branch.parameter != "static_eccentricity":
         raise BadInput(f"the branch runs along {branch.parameter}; only branches along "
                        "static_eccentricity can be moved.")
     if not isinstance(branch.method, Arclength):  # a sweep, which knows no steps along a branch
         branch = replace(branch, method=Arclength(branch.method))
-    balance = branch.method.balance
-    if type(model.law) is not CircularPull:
-        return _afresh(branch, model, speed)
-    along = path(model, "static_eccentricity", balance, speed, branch.path.first,
-                 float(np.arctan2(*branch.direction)))
-    eq = balance.equations(model, speed)
-    batch = stack([eq]).take(np.zeros(len(branch), dtype=int))
+    along = path(model, "static_eccentricity", branch.path.balance, speed, branch.path.first,
+                 branch.path.here.direction)
+    moved = _moved(branch, along) if type(model.law) is CircularPull and len(branch) > 1 else None
+    return _afresh(branch, along) if moved is None else moved
+
+
+def _moved(branch: Branch, along: Path) -> Branch | None:
+    """The branch with its points moved onto another path; None where it is another curve there."""
+    eq = along.here.equations
+    unit = branch.direction * eq.model.gap
     old = np.column_stack([branch.unknowns, branch.static_eccentricity])
-    corrected = _correct_together(batch, old, _normals(old),
-                                  branch.direction * model.gap / eq.length,
-                                  branch.direction * model.gap)
+    corrected = _correct_together(stack([eq]).take(np.zeros(len(branch), dtype=int)), old,
+                                  _normals(old), unit / eq.length, unit)
     if corrected is None:
-        return _afresh(branch, model, speed)
+        return None
     z, tangents, residuals = corrected
     turns = np.flatnonzero(tangents[:-1, -1] * tangents[1:, -1] < 0)
     if not _same_shape(branch, old, z, tangents, turns):
-        return _afresh(branch, model, speed)
-    system = along.system()
-    folds = []
+        return None
+    system, folds = along.system(), []
     for i in turns:
         before, after = (Step(z[j, :-1], z[j, -1], tangents[j], residuals[j], 0)
                          for j in (i, i + 1))
@@ -225,20 +263,19 @@ def update_branch(branch: Branch, model: Model, speed: float | None = None) -> B
         folds.append(SpecialPoint("fold", fold.parameter, int(i), fold.y,
                                   along.say(fold.parameter, 8)))
     return Branch(along, z[:, -1], z[:, :-1], residuals * eq.force, tuple(folds), MOVED,
-                  branch.method,
-                  branch.closed)
+                  branch.method, branch.closed)
 
 
-def _afresh(branch: Branch, model: Model, speed: float) -> Branch:
-    first, method = branch.path.first, branch.method
-    direction = float(np.arctan2(*branch.direction))
-    try:
-        start = method.balance.solve(model, speed, first, direction=direction, start=branch[0])
-    except (NoConvergence, Contact):
-        start = None
-    ahead = np.copysign(0.5, np.diff(branch.values[:2]).sum())  # also from a lone point
-    return follow(model, speed=speed, to=float(ahead), method=method, static_eccentricity=first,
-                  direction=direction, start=start)
+def _afresh(branch: Branch, along: Path) -> Branch:
+    """The branch followed from scratch along another path."""
+    eq, first, direction = along.here.equations, along.first, along.here.direction
+    start = None
+    with contextlib.suppress(NoConvergence, Contact, BadInput):
+        start = along.balance.solve(eq.model, eq.speed, first, direction=direction,
+                                    start=branch[0])
+    to = float(np.copysign(0.5, np.diff(branch.values[:2]).sum()))  # also from a lone point
+    return follow(eq.model, speed=eq.speed, to=to, method=cast(Arclength, branch.method),
+                  static_eccentricity=first, direction=direction, start=start)
 
 
 def _normals(z: NDArray) -> NDArray:
@@ -256,18 +293,18 @@ def _correct_together(batch: Batch, old: NDArray, normals: NDArray, offset: NDAr
                       max_steps: int = 6) -> tuple[NDArray, NDArray, NDArray] | None:
     """Points on the new branch (P, n + 1), their unit tangents and residuals; None if one does not
     settle.
+
+    unit: change of the stator's centre with the eccentricity, m, (2,); offset: the same, scaled.
     """
     points, n = old.shape[0], old.shape[1] - 1
-    columns = n // 2
-    z = old.copy()
-    bordered = np.empty((points, n + 1, n + 1))
+    z, bordered = old.copy(), np.empty((points, n + 1, n + 1))
     bordered[:, n] = normals
     right = np.zeros((points, n + 1, 2))
     right[:, n, 1] = 1.0
     for _ in range(max_steps):
-        residual, jacobian, steep = batch.linearise(z[:, :n], z[:, n:] * unit)
-        bordered[:, :n, :n] = jacobian
-        bordered[:, :n, n] = steep[:, :, 0] * offset[0] + steep[:, :, columns] * offset[1]
+        residual, bordered[:, :n, :n], pull = batch.linearise(z[:, :n], z[:, n:] * unit)
+        # to move the stator is to move the mean the other way, for the pull alone
+        bordered[:, :n, n] = pull[:, :, 0] * offset[0] + pull[:, :, n // 2] * offset[1]
         right[:, :n, 0] = residual
         right[:, n, 0] = np.einsum("pi,pi->p", normals, z - old)
         if not np.isfinite(residual).all():
@@ -288,8 +325,7 @@ def _same_shape(branch: Branch, old: NDArray, z: NDArray, tangents: NDArray,
     """
     before, after = np.diff(old, axis=0), np.diff(z, axis=0)
     stretch = np.linalg.norm(after, axis=1) / np.linalg.norm(before, axis=1)
-    onward = np.einsum("pi,pi->p", after, tangents[:-1]) * np.sign(np.einsum("pi,pi->p", before,
-                                                                             after))
-    return (len(turns) == len(branch.folds) and bool((stretch < STRETCH).all())
-            and bool((stretch > 1 / STRETCH).all())
-            and bool((onward > 0).all()))
+    same_way = np.sign(np.einsum("pi,pi->p", before, after))
+    onward = same_way * np.einsum("pi,pi->p", after, tangents[:-1])
+    even = (stretch < STRETCH) & (stretch > 1 / STRETCH) & (onward > 0)
+    return len(turns) == len(branch.folds) and bool(even.all())

@@ -438,7 +438,8 @@ def _reason(along: Path, steps: list[Step], to: float, method: Arclength, closed
         return (f"The smallest gap is down to {100 * gap:.3g} % of the nominal one at "
                 f"{along.say(value)}.")
     if closed:
-        return f"It is closed: it came back to the steady state at {along.say(first)} where it began."
+        return (f"It is closed: it came back to the steady state at {along.say(first)} where it "
+                "began.")
     if reached:
         return f"It reached {along.say(to)} as asked."
     turned = math.copysign(1.0, to - first) * (value - first) <= 0
@@ -465,16 +466,19 @@ def _comes_back(steps: list[Step]) -> bool:
     it.
     """
     first, before, last = steps[0], steps[-2], steps[-1]
-    behind, ahead = (first.tangent[:-1] @ (s.y - first.y)
-                     + first.tangent[-1] * (s.parameter - first.parameter) for s in (before, last))
-    if not behind < 0 <= ahead:
+
+    def ahead(step: Step) -> float:
+        return float(first.tangent[:-1] @ (step.y - first.y)
+                     + first.tangent[-1] * (step.parameter - first.parameter))
+
+    if not ahead(before) < 0 <= ahead(last):
         return False
     start, a, b = (np.append(s.y, s.parameter) for s in (first, before, last))
-    share = behind / (behind - ahead)
+    share = ahead(before) / (ahead(before) - ahead(last))
     # The chord misses the curve by about its square; half the step is far below the distance to
     # another leg.
-    away = np.linalg.norm(a + share * (b - a) - start)
-    return bool(away < max(CLOSED, 0.1 * np.linalg.norm(b - a)))
+    away = float(np.linalg.norm(a + share * (b - a) - start))
+    return away < max(CLOSED, 0.1 * float(np.linalg.norm(b - a)))
 
 
 def orbits_at(branch: Branch, value: float) -> list[PeriodicOrbit]:

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hydrolab.dynamics.harmonic_balance import respond
 from hydrolab.dynamics.solvers import newton
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
+from hydrolab.machine.quantities import require_model
 
 TURNS_BACK = 1e-6  # relative: how closely the largest offset with an equilibrium is found
 
@@ -32,9 +34,9 @@ class Equilibrium:
     @property
     def stiffness(self) -> NDArray:
         """K − Sᵀ (∂F/∂u) S, N/m, (n, n): what a small push away from it meets."""
-        S = self.model.selection
-        return self.model.K - S.T @ self.model.law.linearise(self.model.relative(self.local,
-                                                                                 self.centre))[1] @ S
+        m, S = self.model, self.model.selection
+        slope = m.law.linearise(m.relative(self.local, self.centre))[1]
+        return m.K - S.T @ slope @ S
 
     @property
     def statically_stable(self) -> bool:
@@ -59,14 +61,16 @@ def equilibrium(model: Model, static_eccentricity: float, *, direction: float = 
     """The equilibrium that is reached when the stator is moved from the middle to its offset, in
     steps.
 
-    static_eccentricity: fraction of the gap. direction: gap angle of the offset, rad.
-    Raises NoConvergence where there is none, BadInput for a law that depends on velocity or phase.
+    static_eccentricity: fraction of the gap. direction: gap angle of the offset, rad. steps: to
+    get there. Raises NoConvergence where there is none, BadInput for a law that depends on velocity
+    or phase and for a machine that can move freely.
     """
+    require_model(model)
     if model.law.moving:
         raise BadInput(f"{model.name} has a force of velocity or phase, so it does not rest; solve "
                        "for its steady state.")
-    compliance = np.linalg.solve(model.K, model.selection.T)
-    felt, scale, one = model.selection @ compliance, model.length_scale, np.eye(len(model.selection))
+    compliance = respond(model, 0.0, 0.0, model.selection.T.astype(complex)).real
+    felt, scale, one = model.selection @ compliance, model.length_scale, np.eye(len(compliance.T))
 
     def at(centre: NDArray, y: NDArray) -> NDArray:
         def system(y: NDArray) -> tuple[NDArray, NDArray]:
@@ -75,8 +79,8 @@ def equilibrium(model: Model, static_eccentricity: float, *, direction: float = 
         solution = newton(system, y)
         if not solution.converged:
             raise NoConvergence(f"No equilibrium was found at {100 * static_eccentricity:.4g} %: "
-                                "the pull is stronger than "
-                                "the shaft. Lower the offset or the field.")
+                                "the pull is stronger than the shaft. Lower the offset or the "
+                                "field.")
         return solution.y
 
     y, whole = np.zeros(len(one)), model.centre(static_eccentricity, direction)
@@ -90,7 +94,8 @@ def largest_offset(model: Model, *, direction: float = math.pi / 2) -> float:
     """Largest static eccentricity (fraction of the gap) with a statically stable equilibrium; 0 if
     there is none at rest.
 
-    Found by bisection between the middle and the whole gap.
+    direction: gap angle of the offset, rad. Found by bisection between the middle and the whole
+    gap. Raises BadInput as `equilibrium` does.
     """
     def holds(offset: float) -> bool:
         try:

@@ -1,17 +1,9 @@
-"""What acts on a motion in time: the field's ramp, the unbalance, and the forces as a loop wants
-them.
+"""Motions in time: the verb `integrate`, and the methods that say how.
 
-The pull of a circular gap is taken on plain floats, which costs a third of the same on arrays.
-
-Methods of time integration: centred finite differences, Newmark, and SciPy's Runge–Kutta.
-
-A method object says how; its `run` yields the motion one revolution at a time. The step of each is
-a free function over arrays.
-
-Time integration: the verb `integrate`.
-
-Full FE models have frequencies of tens of kilohertz that no orbit shows, so it works on a modal
-basis with the static deflection under the pull (`reduce`) unless told otherwise.
+A method object's `run` yields the motion one revolution at a time; the step of each is a free
+function over arrays. Full FE models have frequencies of tens of kilohertz that no orbit shows, so
+`integrate` works on a modal basis with the static deflection under the pull (`reduce`) unless told
+otherwise. The pull of a round gap is taken on plain floats, at a third of the cost of arrays.
 """
 
 from __future__ import annotations
@@ -19,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,17 +23,30 @@ from hydrolab.dynamics.results import PeriodicOrbit, Trajectory, contact_sentenc
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 from hydrolab.machine.pull import CircularPull, ForceLaw
-from hydrolab.machine.quantities import number, require_model, turning, whole
+from hydrolab.machine.quantities import number, require_model, shown, turning, whole
 
+# times (T,), nonlinear coordinates (c, T) in a piece of motion, state (2, r) at its end
+Block = tuple[NDArray, NDArray, NDArray]
+Progress = Callable[[int, int], None]
+
+
+# ------------------------------------------------------------------ what acts
 
 @dataclass(frozen=True)
 class Task:
-    """What is integrated: a model at a speed, the stator centre, and the field's ramp."""
+    """What is integrated: a model at a speed, the stator centre, the time the field's ramp takes,
+    s, and the phase of the rotation at time 0, rad.
+    """
 
     model: Model
     speed: float
     centre: NDArray
     ramp: float
+    lead: float = 0.0
+
+    def phase(self, time: Any) -> Any:
+        """Phase of the rotation at a time or at many, s: rad."""
+        return self.speed * time + self.lead
 
     def field(self, time: float) -> float:
         """Share of the full flux density at a time: linear up to 1 at the end of the ramp."""
@@ -53,18 +59,18 @@ class Task:
 
     def force(self, time: float, u: NDArray, rate: NDArray) -> NDArray:
         """Forces on the nonlinear coordinates u with velocities `rate`, N."""
-        return self.law(time).force(self.model.relative(u, self.centre), rate, self.speed * time,
+        return self.law(time).force(self.model.relative(u, self.centre), rate, self.phase(time),
                                     self.speed)
 
     def linearise(self, time: float, u: NDArray,
                   rate: NDArray) -> tuple[NDArray, NDArray, NDArray | None]:
         """Forces, N, and their derivatives by position, N/m, and velocity, N s/m, or None."""
         return self.law(time).linearise(self.model.relative(u, self.centre), rate,
-                                        self.speed * time, self.speed)
+                                        self.phase(time), self.speed)
 
     def unbalance(self, time: float) -> NDArray:
         """Unbalance force on all DOFs, N."""
-        phase = self.speed * time
+        phase = self.phase(time)
         return self.speed**2 * (self.model.unbalance_sin * math.sin(phase)
                                 + self.model.unbalance_cos * math.cos(phase))
 
@@ -79,8 +85,6 @@ class Task:
 def on_floats(law: CircularPull) -> Callable[[float, float], tuple[float, ...]]:
     """The circular law for a loop: (x, z) → (Fx, Fz, ∂Fx/∂x, ∂Fx/∂z, ∂Fz/∂x, ∂Fz/∂z); nan outside
     the gap.
-
-    On two floats it costs a tenth of the same on arrays of length one.
     """
     stiffness, square = law.stiffness, law.gap**2
 
@@ -110,15 +114,14 @@ def explicit_pull(task: Task) -> Callable[[float, NDArray, NDArray], NDArray]:
     return pull
 
 
-def implicit_pull(task: Task, compliance: NDArray) -> Callable[[float, NDArray, NDArray, NDArray],
-                                                               NDArray]:
+def implicit_pull(task: Task, compliance: NDArray) -> Callable[..., NDArray]:
     """The circular pull f at the unknown position u = free + compliance f(u), by Newton on its two
     coordinates.
 
     Returns a function of time, free (2,), a guess of u (2,) and a velocity it does not need; its f
     is nan outside the gap.
     """
-    law, (xe, ze) = on_floats(task.model.law), task.centre.tolist()
+    law, (xe, ze) = on_floats(cast(CircularPull, task.model.law)), task.centre.tolist()
     (cxx, cxz), (czx, czz) = compliance.tolist()
     scale = task.model.length_scale
 
@@ -167,14 +170,12 @@ def implicit_forces(task: Task, compliance: NDArray, mobility: NDArray) -> Calla
 
 
 def _no_position(task: Task, t: float) -> NoConvergence:
-    return NoConvergence(f"Newmark found no position after {t * task.speed / (2 * math.pi):.2f} "
-                         "revolutions: the "
-                         "pull changes too much in a step. Use more steps per revolution.")
+    return NoConvergence(f"Newmark found no position after {task.phase(t) / (2 * math.pi):.2f} "
+                         "revolutions: the pull changes too much in a step. Use more steps per "
+                         "revolution.")
 
 
-# times, positions (2, n) of a piece of motion, state (2, r) at its end
-Block = tuple[NDArray, NDArray, NDArray]
-
+# ------------------------------------------------------------------ methods
 
 @dataclass(frozen=True)
 class CentralDifference:
@@ -187,7 +188,7 @@ class CentralDifference:
     order = 2
 
     def __post_init__(self) -> None:
-        _check_steps(self.steps_per_revolution)
+        whole("steps_per_revolution", self.steps_per_revolution, 8)
 
     def run(self, task: Task, state: NDArray, start: float, revolutions: int) -> Iterator[Block]:
         """Yield the motion, one revolution at a time."""
@@ -197,27 +198,26 @@ class CentralDifference:
         if fastest * dt > 2:
             needed = math.ceil(math.pi * fastest / task.speed)
             raise BadInput(f"steps_per_revolution is {n}: the fastest frequency of the model, "
-                           f"{fastest:.4g} rad/s, "
-                           f"times the step {dt:.3g} s is {fastest * dt:.3g}, and central "
-                           "differences need at most 2. "
-                           f"Use at least {needed} steps per revolution, or fewer modes.")
+                           f"{fastest:.4g} rad/s, times the step {dt:.3g} s is {fastest * dt:.3g}, "
+                           "and central differences need at most 2. Use at least "
+                           f"{needed} steps per revolution, or fewer modes.")
         before, now, push, load = central_difference_matrices(m, task.speed, dt)
         forcing = np.array([load @ task.unbalance(start + i * dt) for i in range(n)])
+        # the position a step before the start, by Taylor's series
         q, v = state
         old = q - dt * v + 0.5 * dt**2 * task.acceleration(start, q, v)
         older, u, rate = None, m.selection @ q, m.selection @ v
         pull = explicit_pull(task)
 
         def ahead(step: int) -> NDArray:
-            return now @ q + before @ old + push @ pull(start + step * dt, u,
-                                                        rate) + forcing[step % n]
+            return (now @ q + before @ old + push @ pull(start + step * dt, u, rate)
+                    + forcing[step % n])
 
         for revolution in range(revolutions):
-            path = np.empty((n, 2))
+            path = np.empty((n, len(u)))
             for i in range(n):
                 older, old, q = old, q, ahead(revolution * n + i)
-                u = m.selection @ q
-                path[i] = u[:2]
+                path[i] = u = m.selection @ q
                 if m.law.moving:  # known to second order from what has been computed
                     rate = m.selection @ (1.5 * q - 2 * old + 0.5 * older) / dt
             last = (revolution + 1) * n
@@ -259,8 +259,8 @@ class Newmark:
         return 2 if self.gamma == 0.5 else 1
 
     def __post_init__(self) -> None:
-        _check_steps(self.steps_per_revolution)
-        if not (0 < self.beta <= 0.5 and 0.5 <= self.gamma <= 1):
+        whole("steps_per_revolution", self.steps_per_revolution, 8)
+        if not (0 < number("beta", self.beta) <= 0.5 <= number("gamma", self.gamma) <= 1):
             raise BadInput(f"beta is {self.beta}, gamma is {self.gamma}; use 0 < beta ≤ 0.5 and "
                            "0.5 ≤ gamma ≤ 1.")
 
@@ -269,28 +269,28 @@ class Newmark:
         m, n, r = task.model, self.steps_per_revolution, task.model.size
         dt = 2 * math.pi / task.speed / n
         advance, push, load = newmark_matrices(m, task.speed, dt, self.beta, self.gamma)
+        compliance, mobility = m.selection @ push[:r], m.selection @ push[r:2 * r]
         if type(m.law) is CircularPull:
-            pull = implicit_pull(task, m.selection @ push[:r])
+            pull = implicit_pull(task, compliance)
         else:
-            pull = implicit_forces(task, m.selection @ push[:r], m.selection @ push[r:2 * r])
+            pull = implicit_forces(task, compliance, mobility)
         forcing = np.array([load @ task.unbalance(start + (i + 1) * dt) for i in range(n)])
         motion = np.concatenate([*state, task.acceleration(start, *state)])
         u = m.selection @ state[0]
         for revolution in range(revolutions):
-            path = np.empty((n, 2))
+            path = np.empty((n, len(u)))
+            times = start + (revolution * n + 1 + np.arange(n)) * dt
             for i in range(n):
                 free = advance @ motion + forcing[i]
-                force = pull(start + (revolution * n + i + 1) * dt, m.selection @ free[:r], u,
+                force = pull(float(times[i]), m.selection @ free[:r], u,
                              m.selection @ free[r:2 * r])
                 motion = free + push @ force
-                u = m.selection @ motion[:r]
-                path[i] = u[:2]
-            yield start + (revolution * n + 1
-                           + np.arange(n)) * dt, path.T, motion[:2 * r].reshape(2, r).copy()
+                path[i] = u = m.selection @ motion[:r]
+            yield times, path.T, motion[:2 * r].reshape(2, r).copy()
 
 
 def newmark_matrices(model: Model, speed: float, dt: float, beta: float,
-                     gamma: float) -> tuple[NDArray, ...]:
+                     gamma: float) -> tuple[NDArray, NDArray, NDArray]:
     """Matrices of s_{n+1} = advance s_n + push f_{n+1} + load F_{n+1} for the motion s = (q, v, a),
     from one inverse.
 
@@ -312,108 +312,111 @@ def newmark_matrices(model: Model, speed: float, dt: float, beta: float,
 
 @dataclass(frozen=True)
 class RungeKutta:
-    """SciPy's adaptive DOP853 (Hairer, Nørsett and Wanner 1993), eighth order, error-controlled."""
+    """SciPy's adaptive DOP853 (Hairer, Nørsett and Wanner 1993), eighth order, error-controlled.
+
+    steps_per_revolution: output points; the steps themselves are chosen by the method.
+    """
 
     rtol: float = 1e-9
     atol: float = 1e-13
-    steps_per_revolution: int = 128  # output points; the steps themselves are chosen by the method
+    steps_per_revolution: int = 128
 
     def __post_init__(self) -> None:
-        _check_steps(self.steps_per_revolution)
-        if not (0 < self.rtol < 1 and self.atol > 0):
+        whole("steps_per_revolution", self.steps_per_revolution, 8)
+        if not (0 < number("rtol", self.rtol) < 1 and number("atol", self.atol) > 0):
             raise BadInput(f"rtol is {self.rtol}, atol is {self.atol}; both must be positive and "
                            "rtol below 1.")
 
     def run(self, task: Task, state: NDArray, start: float, revolutions: int) -> Iterator[Block]:
         """Yield the motion, one revolution at a time."""
-        m, n = task.model, self.steps_per_revolution
+        m, n, watch = task.model, self.steps_per_revolution, task.model.selection
         r, period = m.size, 2 * math.pi / task.speed
         inverse = np.linalg.inv(m.M)
         constant = np.block([[np.zeros((r, r)), np.eye(r)],
                              [-inverse @ m.K, -inverse @ m.velocity_matrix(task.speed)]])
-        load = np.vstack([np.zeros_like(m.selection.T), inverse @ m.selection.T])
+        load = np.vstack([np.zeros_like(watch.T), inverse @ watch.T])
         shaken = np.zeros((2, 2 * r))
         shaken[:, r:] = task.speed**2 * np.stack([inverse @ m.unbalance_sin,
                                                   inverse @ m.unbalance_cos])
-        watch = m.selection
         pull = explicit_pull(task)
 
         def rate(t: float, s: NDArray) -> NDArray:
-            phase = task.speed * t
+            phase = task.phase(t)
             return (constant @ s + load @ pull(t, watch @ s[:r], watch @ s[r:])
                     + math.sin(phase) * shaken[0] + math.cos(phase) * shaken[1])
 
         def clearance(t: float, s: NDArray) -> float:
             u = m.relative(watch @ s[:r], task.centre)
-            return float(m.law.smallest_gap(u, task.speed * t)) - 1e-6 * m.gap
+            return float(m.law.smallest_gap(u, task.phase(t))) - 1e-6 * m.gap
 
-        clearance.terminal = True
+        events = None
+        if math.isfinite(m.gap):
+            clearance.terminal, events = True, clearance  # type: ignore[attr-defined]
         for revolution in range(revolutions):
             begin = start + revolution * period
             times = begin + period * np.arange(1, n + 1) / n
-            if math.isfinite(m.gap) and clearance(begin, state.ravel()) <= 0:
-                yield times, np.full((2, n), np.nan), state
+            path = np.full((len(watch), n), np.nan)  # nan from contact on
+            if events and clearance(begin, state.ravel()) <= 0:
+                yield times, path, state
                 return
             # The first step is given, because the guess that SciPy makes never ends where it meets
             # the stator's nan.
             found = solve_ivp(rate, (begin, times[-1]), state.ravel(), method="DOP853",
-                              t_eval=times, rtol=self.rtol,
-                              atol=self.atol, events=clearance if math.isfinite(m.gap) else None,
+                              t_eval=times, rtol=self.rtol, atol=self.atol, events=events,
                               first_step=period / 1024)
             if found.status < 0:
                 raise NoConvergence(f"DOP853 stopped after {begin / period:.2f} revolutions: "
-                                    f"{found.message} "
-                                    "Raise rtol, or look at the motion before it.")
-            path = np.full((2, n), np.nan)  # nan from contact on
+                                    f"{found.message} Raise rtol, or look at the motion before it.")
             if len(found.t):
-                path[:, :len(found.t)] = watch[:2] @ found.y[:r]
+                path[:, :len(found.t)] = watch @ found.y[:r]
                 state = found.y[:, -1].reshape(2, r)
             yield times, path, state
 
 
-def _check_steps(steps: int) -> None:
-    whole("steps_per_revolution", steps, 8)
+Integrator = CentralDifference | Newmark | RungeKutta
 
 
-Progress = Callable[[int, int], None]
+# ------------------------------------------------------------------ the verb
 
-
-@np.errstate(under="ignore")  # what underflows inside a step is nothing
-def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *, speed: float,
-              static_eccentricity: float = 0.0, revolutions: int = 1000, ramp: int = 0,
-              modes: int | None = 12,
+def integrate(model: Model, method: Integrator, *, speed: float, static_eccentricity: float = 0.0,
+              revolutions: int = 1000, ramp: int = 0, modes: int | None = 12,
               direction: float = math.pi / 2, start: PeriodicOrbit | Trajectory | None = None,
               disturbance: tuple[float, float] = (0.0, 0.0),
               progress: Progress | None = None) -> Trajectory:
     """Integrate the motion, by default from the steady state of the linear problem.
 
-    speed: rad/s. ramp: revolutions over which the field rises from 0 to its full value. modes: size
-    of the modal basis beside the static deflection under the pull; None integrates all DOFs. start:
-    an orbit to begin on (at phase 0), or a trajectory of the same model and basis to go on from.
-    disturbance: a sideways displacement (x, z) of the generator, m, added to the start in the shape
-    of the static deflection. progress: called after each revolution with (done, all), such as a bar
-    of `hydrolab.progress`. Ends early at contact, where a step has no solution, or at an interrupt
-    (Ctrl-C); what was computed is kept and `stopped` says what happened. Raises BadInput for
-    arguments outside what is allowed, among them a step beyond the stability limit.
+    speed: rad/s. static_eccentricity: fraction of the gap. ramp: revolutions over which the field
+    rises from 0 to its full value. modes: size of the modal basis beside the static deflection
+    under the pull; None integrates all DOFs. direction: gap angle of the stator offset, rad. start:
+    an orbit to begin on (at phase 0), or a trajectory of the same model and basis to go on from, at
+    the phase where it ended, whatever the speed. disturbance: a sideways displacement (x, z) of the
+    generator, m, added to the start in the shape of the static deflection. progress: called after
+    each revolution with (done, all), such as a bar of `hydrolab.progress`. Ends early at contact,
+    where a step has no solution, or at an interrupt (Ctrl-C); what was computed is kept and
+    `stopped` says what happened. Raises BadInput for arguments outside what is allowed, among them
+    a step beyond the stability limit and a start from another machine.
     """
     require_model(model)
     speed = turning(speed)
-    if not isinstance(method, CentralDifference | Newmark | RungeKutta):
-        raise BadInput(f"method is {method!r}; it must be a CentralDifference, a Newmark or a "
+    if not isinstance(method, Integrator):
+        raise BadInput(f"method is {shown(method)}; it must be a CentralDifference, a Newmark or a "
                        "RungeKutta.")
     revolutions = whole("revolutions", revolutions, 1)
+    going_on = start if isinstance(start, Trajectory) else None
+    # the rotation goes on from the phase that the motion before has reached
+    begin = float(going_on.times[-1]) if going_on else 0.0
+    lead = float(going_on.phases[-1]) - speed * begin if going_on else 0.0
     period = 2 * math.pi / speed
-    begin = float(start.times[-1]) if isinstance(start, Trajectory) else 0.0
     if not 0 <= ramp <= begin / period + revolutions:
-        raise BadInput(f"ramp is {ramp!r}; it must lie between 0 and the {revolutions} revolutions.")
+        raise BadInput(f"ramp is {ramp!r}; it must lie between 0 and the {revolutions} "
+                       "revolutions.")
     centre = model.centre(number("static_eccentricity", static_eccentricity), direction)
     small = model if modes is None else reduce(model, modes)
     inertia = np.linalg.eigvalsh(small.M)
     if not inertia[0] > len(inertia) * np.finfo(float).eps * inertia[-1]:
         raise BadInput(f"{model.name} has a DOF without mass, which cannot be integrated in time; "
-                       "give the shaft a "
-                       "density above 0.")
-    task = Task(small, speed, centre, ramp * period)
+                       "give the shaft a density above 0.")
+    task = Task(small, speed, centre, ramp * period, lead)
     state = _first_state(model, small, speed, start)
     if any(disturbance):
         generator = small.selection[:2]
@@ -421,11 +424,11 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
         state = state + [static @ np.linalg.solve(generator @ static, disturbance),
                          np.zeros(small.size)]
 
-    blocks: list[Block] = [(np.array([begin]), (small.selection[:2] @ state[0])[:, None], state)]
-    stopped, interrupted = None, False
+    blocks: list[Block] = [(np.array([begin]), (small.selection @ state[0])[:, None], state)]
+    stopped, interrupted = "", False
     try:
-        # a motion that grows without bound is said in words below
-        with np.errstate(over="ignore", invalid="ignore"):
+        # a motion that grows without bound is said in words below; an underflow is harmless
+        with np.errstate(all="ignore"):
             for block in method.run(task, state, begin, revolutions):
                 block, stopped = _up_to_the_end(task, block, blocks[-1])
                 blocks.append(block)
@@ -435,59 +438,74 @@ def integrate(model: Model, method: CentralDifference | Newmark | RungeKutta, *,
                     progress(len(blocks) - 1, revolutions)
     except KeyboardInterrupt:
         interrupted = True
-        stopped = f"Interrupted after {len(blocks) - 1} of {revolutions} revolutions; these are kept."
+        stopped = (f"Interrupted after {len(blocks) - 1} of {revolutions} revolutions; these are "
+                   "kept.")
     except NoConvergence as failure:
         stopped = str(failure)
-    finished = stopped is None
     times, paths, states = zip(*blocks, strict=True)
     return Trajectory(small, speed, float(static_eccentricity), centre, np.concatenate(times),
-                      np.concatenate(paths, axis=1), states[-1],
-                      stopped or f"It ran the {revolutions} revolutions asked for.", finished,
-                      method, interrupted)
+                      np.concatenate(paths, axis=1)[:2], states[-1],
+                      stopped or f"It ran the {revolutions} revolutions asked for.", not stopped,
+                      method, interrupted, lead)
 
 
 def _first_state(model: Model, small: Model, speed: float,
                  start: PeriodicOrbit | Trajectory | None) -> NDArray:
     """Displacement and velocity, (2, r), on the reduced basis."""
+    if start is None:
+        linear = condense(small.with_field(0.0), float(speed), 1, 8).shaft_linear[1]
+        return np.stack([linear.real, -speed * linear.imag])
     if isinstance(start, Trajectory):
         if start.state.shape[1] != small.size:
             raise BadInput(f"start has {start.state.shape[1]} DOFs, this basis {small.size}; use "
                            "the same `modes`.")
+        _require_same(small, start.model)
         if not np.isfinite(start.state).all():
             raise BadInput(f"start cannot be gone on from. {start.stopped}")
         return start.state
-    if start is None:
-        linear = condense(small.with_field(0.0), float(speed), 1, 8)
-        sine, cosine = -linear.shaft_linear[1].imag, linear.shaft_linear[1].real
-        return np.stack([cosine, speed * sine])
-    k = np.arange(1, start.harmonics + 1) / start.revolutions
-    shaft = start.shaft
-    q = shaft[:, 0] + shaft[:, 2::2].sum(axis=1)
-    v = shaft[:, 1::2] @ (k * speed)
+    if not isinstance(start, PeriodicOrbit):
+        raise BadInput(f"start is {shown(start)}; it must be a steady state or a Trajectory.")
+    _require_same(model, start.model)
     if small is model:
-        return np.stack([q, v])
+        return start.state()
     # Coordinates of the reduced basis by mass-weighted projection of the full displacement.
     basis = np.linalg.lstsq(model.shaft_map, small.shaft_map, rcond=None)[0]
-    weight = basis.T @ model.M
-    return np.stack([np.linalg.solve(small.M, weight @ q), np.linalg.solve(small.M, weight @ v)])
+    return np.linalg.solve(small.M, basis.T @ model.M @ start.state().T).T
 
 
-def _up_to_the_end(task: Task, block: Block, before: Block) -> tuple[Block, str | None]:
-    """The part of a block before contact, with the sentence that says so; the block and None if
-    there is none.
+def _require_same(model: Model, other: Model) -> None:
+    """Raise BadInput where the DOFs of two models do not mean the same motion of the same masses.
+
+    Field, unbalance and speed may differ; on a modal basis the stiffness, which shapes it, may not.
     """
+    for name in ("M", "shaft_map", "selection"):
+        own, its = getattr(model, name), getattr(other, name)
+        if own.shape != its.shape or not np.allclose(own, its, rtol=1e-9,
+                                                     atol=1e-9 * np.abs(own).max()):
+            raise BadInput(f"start is a motion of another machine than {model.name}: other masses, "
+                           "elements or places, or another stiffness on a basis of modes. Start "
+                           "from a motion of this one; a change of stiffness needs modes=None.")
+
+
+def _up_to_the_end(task: Task, block: Block, before: Block) -> tuple[Block, str]:
+    """The part of a block before contact, with the sentence that says so; "" if there is none."""
     times, path, state = block
-    law, place = task.model.law, path - task.centre[:, None]
-    clear = law.smallest_gap(place, task.speed * times) > 0  # false for nan
+    law, m = task.model.law, task.model
+    gaps = law.smallest_gap(m.relative(path, task.centre[:, None]), task.phase(times))
+    clear = np.broadcast_to(gaps > 0, times.shape)  # false for nan
+    if not math.isfinite(m.gap):
+        clear = np.isfinite(path).all(axis=0)
     if clear.all():
-        return block, None
+        return block, ""
     first = int(np.argmin(clear))
-    if not math.isfinite(task.model.gap):
-        revolutions = times[first] * task.speed / (2 * math.pi)
-        sentence = f"The motion grew beyond all numbers after {revolutions:.2f} revolutions."
+    phase = task.phase(float(times[first]))
+    if not math.isfinite(m.gap):
+        sentence = (f"The motion grew beyond all numbers after {phase / (2 * math.pi):.2f} "
+                    "revolutions.")
     else:
-        near = path[:, :first + 1] if np.isfinite(path[:, first]).all() else np.hstack([before[1],
-                                                                                        path[:, :first]])
-        angle = float(law.gap_angle(near[:, -1] - task.centre, task.speed * times[first]))
-        sentence = contact_sentence(times[first], task.speed, angle)
+        # the last place that is a number
+        near = np.hstack([before[1], path[:, :first + 1]])
+        near = near[:, np.isfinite(near).all(axis=0)][:, -1]
+        angle = float(law.gap_angle(m.relative(near, task.centre), phase))
+        sentence = contact_sentence(phase, float(times[first]), angle)
     return (times[:first], path[:, :first], np.full_like(state, np.nan)), sentence

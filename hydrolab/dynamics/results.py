@@ -19,6 +19,7 @@ from hydrolab.dynamics.harmonics import (
     amplitudes,
     fit,
     from_complex,
+    long_axis,
     period_rows,
     rates,
     synthesise,
@@ -29,8 +30,9 @@ from hydrolab.machine.model import Model
 from hydrolab.machine.quantities import shown
 
 if TYPE_CHECKING:
-    from hydrolab.dynamics.branches import Path
-    from hydrolab.dynamics.harmonic_balance import Condensed
+    from hydrolab.dynamics.branches import Arclength, Path
+    from hydrolab.dynamics.harmonic_balance import Condensed, HarmonicBalance
+    from hydrolab.dynamics.integrate import Integrator
 
 
 HINTS = {  # what was given by mistake, and how to get from it to what is wanted
@@ -49,11 +51,10 @@ def require(name: str, value: object, kind: type) -> None:
         raise BadInput(f"{name} is {given}; it must be {article} {wanted}{hint}.")
 
 
-def contact_sentence(time: float, speed: float, angle: float) -> str:
-    """When and where the rotor touches: time, s; speed, rad/s; gap angle, rad."""
-    return (f"The rotor touches the stator after {time * speed / (2 * math.pi):.2f} revolutions "
-            f"({time:.4g} s), at "
-            f"gap angle {math.degrees(angle) % 360:.0f}° (from z towards x).")
+def contact_sentence(phase: float, time: float, angle: float) -> str:
+    """When and where the rotor touches: phase of the rotation, rad; time, s; gap angle, rad."""
+    return (f"The rotor touches the stator after {phase / (2 * math.pi):.2f} revolutions "
+            f"({time:.4g} s), at gap angle {math.degrees(angle) % 360:.0f}° (from z towards x).")
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,8 @@ class Trajectory:
     times: s, shape (T,). positions: (x, z) of the generator centre, m, shape (2, T).
     state: displacement and velocity of all DOFs of the integrated model at the end, (2, n), to go
     on from (nan after contact). stopped: why it ends, in words. finished: whether all that was
-    asked for was integrated; interrupted: whether it was an interrupt that kept it from that.
+    asked for was integrated; interrupted: whether it was an interrupt that kept it from that. lead:
+    the phase of the rotation beyond Ωt, rad, which another speed before leaves behind.
     """
 
     model: Model
@@ -75,8 +77,14 @@ class Trajectory:
     state: NDArray
     stopped: str
     finished: bool
-    method: object
+    method: Integrator
     interrupted: bool = False
+    lead: float = 0.0
+
+    @property
+    def phases(self) -> NDArray:
+        """Phase of the rotation at the times, rad, (T,)."""
+        return self.speed * self.times + self.lead
 
     @property
     def revolutions(self) -> float:
@@ -89,17 +97,16 @@ class Trajectory:
         return self.times[keep], self.positions[:, keep]
 
     def coefficients(self, harmonics: int, revolutions: int = 1) -> NDArray:
-        """[mean, sin 1, cos 1, …] of the last whole revolutions, m, (2, 2m + 1), by least squares
-        in Ωt.
+        """[mean, sin 1, cos 1, …] of the last whole revolutions, m, (2, 2m + 1), in the phase of
+        the rotation, by least squares, so that any number of steps in a revolution will do.
 
-        Least squares, so that any number of steps in a revolution will do.
         Raises BadInput for a motion that ended before so many revolutions.
         """
         if self.revolutions < revolutions * (1 - 1e-9):
             raise BadInput(f"revolutions is {revolutions}, and the motion has "
                            f"{self.revolutions:.3g}. {self.stopped}")
         times, positions = self.last(revolutions)
-        return fit(positions[:, 1:], self.speed * times[1:], harmonics)
+        return fit(positions[:, 1:], self.speed * times[1:] + self.lead, harmonics)
 
     def recurrence(self, revolutions: int = 1) -> float:
         """How far the last revolutions are from as many before, over the size of the motion: 0
@@ -115,8 +122,27 @@ class Trajectory:
     def __str__(self) -> str:
         return (f"Motion of {self.model.name} over {self.revolutions:.4g} revolutions at "
                 f"{self.speed * 30 / math.pi:.4g} rpm, static eccentricity "
-                f"{100 * self.static_eccentricity:.4g} %. "
-                f"{self.stopped}")
+                f"{100 * self.static_eccentricity:.4g} %. {self.stopped}")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BearingForce:
+    """What a shaft does to one of its radial bearings, by stiffness, damping, pads and film.
+
+    static: mean force on the bearing in x and z, N, (2,). first: long half axis of its 1X, N.
+    peak: largest force around the period, N.
+    """
+
+    name: str
+    static: NDArray
+    first: float
+    peak: float
+
+    def __str__(self) -> str:
+        return (f"{self.name}: static {1e-3 * np.hypot(*self.static):.4g} kN, "
+                f"1X {1e-3 * self.first:.4g} kN, peak {1e-3 * self.peak:.4g} kN")
+
+    __repr__ = __str__
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,6 +238,20 @@ class PeriodicOrbit:
         return dofs[per_node * node:per_node * node + 2]
 
     @cached_property
+    def bearing_forces(self) -> dict[str, BearingForce]:
+        """The force of the shaft on each radial bearing, by its name; each prints as a sentence."""
+        rate, found = self.speed / self.revolutions, {}
+        q, v = self.shaft, rate * rates(self.shaft)
+        for name, bearing in self.model.supports.items():
+            force = -bearing.force(synthesise(bearing.rows @ q, PERIOD),
+                                   synthesise(bearing.rows @ v, PERIOD),
+                                   self.revolutions * PERIOD, self.speed)
+            first = long_axis(fit(force, PERIOD, self.revolutions), self.revolutions)
+            found[name] = BearingForce(name, force.mean(axis=1), float(first),
+                                       float(np.hypot(*force).max()))
+        return found
+
+    @cached_property
     def smallest_gap(self) -> float:
         """Smallest air gap over the period and the circumference, m (inf where there is no gap)."""
         return float(self._clearances.min())
@@ -235,7 +275,7 @@ class PeriodicOrbit:
         place = self.model.relative(self.coordinates(phase), self.centre[:, None])
         raise Contact(f"The steady state at {100 * self.static_eccentricity:.4g} % would touch the "
                       "stator: "
-                      + contact_sentence(phase[0] / self.speed, self.speed,
+                      + contact_sentence(phase[0], phase[0] / self.speed,
                                          float(self.model.law.gap_angle(place, phase)[0]))
                       + " Lower the eccentricity, the unbalance or the field.")
 
@@ -299,7 +339,7 @@ class Branch:
     residuals: NDArray
     special_points: tuple[SpecialPoint, ...]
     stopped: str
-    method: object
+    method: Arclength | HarmonicBalance
     closed: bool = False
 
     def __len__(self) -> int:

@@ -1,5 +1,6 @@
 """Maps against single solves, and what must not be lost: Ctrl-C, a killed worker, a full disk."""
 
+import copy
 import errno
 import os
 import signal
@@ -45,6 +46,16 @@ def whole(machine):
     return steady_map(machine, "static_eccentricity", E, "field", FIELDS)
 
 
+def row_of(machine, eccentricities):
+    """A row of one machine."""
+    return steady_row(machine.model(), machine.speed, eccentricities)
+
+
+def made_of(machine):
+    """The fingerprint of a machine."""
+    return fingerprint(machine.model(), machine.speed)
+
+
 def same(a, b):
     """Equal in every value, nan where nan."""
     return all(np.array_equal(a[name], b[name], equal_nan=True) for name in (*READINGS, "outcome"))
@@ -85,7 +96,7 @@ def test_close_to_the_fold_it_stays_on_the_first_leg(machine):
                     method=Arclength(max_folds=1, tail=3))
     fold = branch.folds[0].value
     values = fold * (1 - np.geomspace(1e-9, 0.3, 25))
-    row = steady_row(machine, values)
+    row = row_of(machine, values)
     assert (row["outcome"] == Outcome.CONVERGED).all()
     first = [orbits_at(branch, e)[0].smallest_gap for e in values[5:]]
     assert row["smallest_gap"][5:] == pytest.approx(first, abs=1e-9 * machine.air_gap.gap)
@@ -114,7 +125,7 @@ def test_machines_that_have_no_steady_state_are_marked(machine, whole):
     found = steady_map(machine, "static_eccentricity", E, "unbalance", [1.0, 15.0])
     assert (found.outcome.values[1] == Outcome.NO_START).all()
     assert np.isnan(found.smallest_gap.values[1]).all()
-    row = steady_row(machine, E)
+    row = row_of(machine, E)
     for name in READINGS:
         assert np.array_equal(found[name].values[0], row[name], equal_nan=True)
 
@@ -122,13 +133,13 @@ def test_machines_that_have_no_steady_state_are_marked(machine, whole):
 def test_it_says_what_it_holds(whole, machine):
     assert whole.smallest_gap.attrs["units"] == "m"
     assert whole.attrs["x_parameter"] == "static_eccentricity"
-    assert whole.attrs["made_of"] == fingerprint(machine)
+    assert whole.attrs["made_of"] == made_of(machine)
     assert whole.outcome.attrs["flag_meanings"].split()[Outcome.BEYOND_FOLD] == "BEYOND_FOLD"
-    assert fingerprint(machine) == fingerprint(load_machine("kaplan-150rpm"))
+    assert made_of(machine) == made_of(load_machine("kaplan-150rpm"))
     for key, value in (("bodies.generator.mass", 1e5), ("field", 0.4), ("speed", 15.0),
                        ("shaft.young", 2.05e11),
                        ("bearings.generator guide bearing.stiffness", 1e9)):
-        assert fingerprint(vary(machine, {key: value})) != fingerprint(machine), key
+        assert made_of(vary(machine, {key: value})) != made_of(machine), key
 
 
 def test_a_faulty_machine_has_another_fingerprint_and_no_map(machine):
@@ -138,7 +149,7 @@ def test_a_faulty_machine_has_another_fingerprint_and_no_map(machine):
                       films=(JournalFilm("film", first.node, 0.03, 0.4, 0.24, 1.6e-4),)),
               replace(machine, cracks=(Crack("crack", 1, 0.2),)),
               replace(machine, cracks=(Crack("crack", 1, 0.2, breathing="open"),))]
-    assert len({fingerprint(machine), *map(fingerprint, faults)}) == 1 + len(faults)
+    assert len({made_of(machine), *map(made_of, faults)}) == 1 + len(faults)
     for fault in faults:
         with pytest.raises(BadInput, match=r"kaplan-150rpm has the law \w+; .* Use `follow`"):
             steady_map(fault, "static_eccentricity", E, "field", FIELDS[:1])
@@ -330,10 +341,33 @@ def test_processes_one_of_which_is_killed(machine, tmp_path):
     assert killed
     assert (found.outcome.values != Outcome.NOT_DONE).all()
     for i in (0, 17, 39):
-        row = steady_row(vary(machine, {"field": fields[i]}), e)
+        row = row_of(vary(machine, {"field": fields[i]}), e)
         assert np.array_equal(found.smallest_gap.values[i], row["smallest_gap"], equal_nan=True)
     with xr.open_dataset(path, engine="scipy") as on_disk:
         assert same(on_disk.load(), found)
+
+
+def test_what_cannot_be_sent_to_a_worker_is_not_a_dead_worker(machine):
+    """Once each row failed to pickle and was computed here, without a word."""
+    class Local(type(machine)):
+        """A class that no other process knows."""
+
+    local = copy.copy(machine)
+    object.__setattr__(local, "__class__", Local)
+    with ProcessPoolExecutor(1) as pool, pytest.raises(BadInput, match="cannot be sent to a wor"):
+        steady_map(local, "static_eccentricity", E, "field", FIELDS[:1], executor=pool)
+    assert same(steady_map(local, "static_eccentricity", E, "field", FIELDS[:1]),
+                steady_map(machine, "static_eccentricity", E, "field", FIELDS[:1]))
+
+
+def test_a_loaded_card_is_computed_by_the_workers(machine, whole):
+    here = []
+    with ProcessPoolExecutor(2) as pool, pytest.MonkeyPatch.context() as patch:
+        pool.submit(os.getpid).result()
+        patch.setattr(maps_module, "steady_row", lambda *task: here.append(task))
+        assert same(steady_map(machine, "static_eccentricity", E, "field", FIELDS, executor=pool),
+                    whole)
+    assert not here
 
 
 def test_errors_in_the_input_are_not_taken_for_dead_workers(machine):
@@ -367,7 +401,7 @@ def test_a_dask_cluster_with_a_killed_worker(machine):
                            progress=kill)
         assert killed
     assert (found.outcome.values != Outcome.NOT_DONE).all()
-    alone = steady_row(vary(machine, {"field": fields[-1]}), e)
+    alone = row_of(vary(machine, {"field": fields[-1]}), e)
     assert found.smallest_gap.values[-1] == pytest.approx(alone["smallest_gap"], abs=1e-15,
                                                           nan_ok=True)
 
