@@ -12,7 +12,7 @@ from hydrolab.course import exercises
 from hydrolab.course import refresh as notebooks
 from hydrolab.course.answers import Exercise
 
-BOOK = Path(__file__).resolve().parents[1] / "book"
+BOOK = Path(__file__).resolve().parents[2] / "book"
 NOTEBOOKS = {path.stem: notebooks.read(path) for path in sorted(BOOK.glob("*.ipynb"))}
 SOLUTION = re.compile(r"```python\n(.*?)```(?:\s*```text\n(.*?)```)?", re.DOTALL)
 SEE = re.compile(r"Eqs?\. \((\d+\.\d+)\)")
