@@ -160,7 +160,7 @@ def test_constant_slope_gives_the_eigenvalues_of_a_softer_machine(unit, speed):
 def test_peer_multipliers(peer, speed):
     orbit = HarmonicBalance().solve(peer, speed, 0.05)
     found = floquet(orbit)
-    # research/peers.md
+    # by DOP853 and AUTO-07p
     assert np.abs(found.multipliers) == pytest.approx([0.8439132] * 4, abs=1e-6)
     assert apart(found.multipliers, np.linalg.eigvals(by_dop853(orbit))) < 1e-6
     assert found.verdict == "stable"
@@ -177,7 +177,7 @@ def far_branch(peer, speed):
 
 def test_the_trap_orbit(peer, speed, far_branch):
     """The orbit that Hill's method with symmetry sorting calls stable: largest multiplier 29.56
-    (research/peers.md).
+    by integration.
     """
     leg = range(far_branch.folds[0].after + 1, far_branch.folds[1].after)
     near = min(leg, key=lambda i: abs(far_branch.static_eccentricity[i] - 0.0198)

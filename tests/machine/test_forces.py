@@ -40,7 +40,7 @@ def paper_integrals(x, z, x_e, z_e):
 
 
 def test_stiffness_of_table_1():
-    assert GAP.pull_stiffness == pytest.approx(1.6504e8, rel=1e-4)  # literature.md, 1.2
+    assert GAP.pull_stiffness == pytest.approx(1.6504e8, rel=1e-4)  # Table 1 in π B0² u0 l0/(µ0 g0)
 
 
 def test_closed_form_is_the_papers_integral():
@@ -100,7 +100,7 @@ def test_potential_is_the_work_along_a_path(law):
     (1.2, 0.2018, 0.0228), (1.4, 0.2746, 0.0540), (1.6, 0.3247, 0.0848), (1.8, 0.3632, 0.1137),
     (3.0, 0.4944, 0.2435)])
 def test_static_fold(kappa, eps_fold, e_max):
-    """Largest stator offset a spring κ times the pull stiffness can hold (literature.md, 1.3)."""
+    """Largest stator offset a spring κ times the pull stiffness can hold: chapter 2, Eq. (2.8)."""
     def offset(eps):
         return eps - PULL.force(np.array([eps * G0, 0.0]))[0] / (kappa * PULL.stiffness * G0)
 
@@ -140,7 +140,7 @@ def test_pull_points_to_the_small_gap(law):
 def test_linear_pull_underestimates(eps, share):
     e = np.array([0.0, eps * G0])
     linear = LinearPull(PULL.stiffness, G0)
-    # literature.md, 2.1
+    # (1 − ε²)^(3/2), by hand
     assert linear.force(e)[1] / PULL.force(e)[1] == pytest.approx(share, abs=6e-5)
     assert linear.linearise(e)[1] == pytest.approx(PULL.linearise(np.zeros(2))[1])
 

@@ -247,8 +247,8 @@ def test_sympy_derives_the_whole_moments(n):
 
 
 def test_what_the_series_to_third_order_misses():
-    """Published sizes of literature.md 2.2, and the fifth order, of which the cut series keeps a
-    third.
+    """Sizes from the permeance that Guo, Chu and Chen (2002) cut after its third order, and the
+    fifth, of which the cut series keeps a third.
     """
     for eps, f1, f3, f4 in ((0.1, 1 - 1.6e-8, 0.00251, 3.2e-6), (0.5, 0.99963, 0.0667, 2.4e-3),
                             (0.7, 0.9954, 0.1396, 1.2e-2)):
