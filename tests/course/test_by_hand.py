@@ -1,0 +1,120 @@
+"""Answers of the exercises against numbers by hand, from the paper's Table 1 and the cards' own
+numbers typed here; the library computes nothing of the expected values.
+"""
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+import hydrolab
+from hydrolab.course.exercises import exercise
+
+CARD = Path(hydrolab.__file__).parent / "machine" / "cards" / "kaplan-150rpm.toml"
+RPM, TURN = math.pi / 30, 2 * math.pi
+GAP, FIELD = 0.011, 0.5  # m, T
+PULL = math.pi * FIELD**2 * 2.9945 * 0.97 / (4e-7 * math.pi * GAP)  # N/m, Table 1
+MASS, SPRING, UNBALANCE = 1.5e5, 2.7e8, 55.03667  # kg, N/m, kg m: the Jeffcott card
+OMEGA, ARM = math.sqrt(SPRING / MASS), UNBALANCE / MASS
+LENGTH, STEEL = 9.04, 2e11  # m, Pa
+AREA, SECOND = math.pi / 4 * 0.71**2, math.pi / 64 * 0.71**4
+
+
+def response(speed: float) -> complex:
+    """Centre of the Jeffcott rotor over its heavy spot, m; 1 % damping."""
+    return ARM * speed**2 / (OMEGA**2 - speed**2 + 0.02j * OMEGA * speed)
+
+
+def offset(kappa: float) -> float:
+    """The stator offset at which springs κ times as stiff as the pull give way, of the gap."""
+    eps = brentq(lambda e: (1 + 2 * e**2) / (1 - e**2) ** 2.5 - kappa, 1e-3, 0.9)
+    return eps - eps / (kappa * (1 - eps**2) ** 1.5)
+
+
+def oval_slope(axis: float) -> float:
+    """Negative stiffness along an axis of a gap g0 (1 + 0.1 cos 2φ), MN/m: the pressure's slope."""
+    return 1e-6 * PULL / math.pi * quad(
+        lambda phi: math.cos(phi - axis) ** 2 / (1 + 0.1 * math.cos(2 * phi)) ** 3, 0, TURN)[0]
+
+
+def split_of_mode(n: int, speed: float) -> float:
+    """How far the forward root of Eq. (6.5) lies above the backward one, %."""
+    spin = 7850 * SECOND * (n * math.pi / LENGTH) ** 2
+    a, b = 7850 * AREA + spin, spin * speed
+    root = math.sqrt(b**2 + a * STEEL * SECOND * (n * math.pi / LENGTH) ** 4)
+    return 100 * ((root + b) / (root - b) - 1)
+
+
+def stiffness_at_the_generator(guide: float, turbine: float) -> float:
+    """Eq. (8.1), N/m; depths in m."""
+    b, span, shear = 0.472, turbine - guide, 0.9 * STEEL / 2.6 * AREA
+    a = guide + b
+    return 1 / ((1 + a / span) ** 2 / 1.37e9 + (a / span) ** 2 / 1.64e9
+                + (a**3 - b**3 + a**2 * span) / (3 * STEEL * SECOND) + (a - b + a**2 / span) / shear)
+
+
+BY_HAND = {
+    "0.1a": 3 * math.pi,
+    "0.1b": 1.5,
+    "1.1": OMEGA / math.sqrt(0.9) / RPM,
+    "1.2": 1e6 * abs(response(600 * RPM) + ARM),
+    "1.3": ["backward" if math.sqrt(2.2e8 / MASS) < speed * RPM < OMEGA else "forward"
+            for speed in (330, 385, 450)],
+    "1.4": ARM / (2 * 6e-3),
+    "2.1a": 1e-3 * PULL * 0.25 * GAP / (1 - 0.25**2) ** 1.5,
+    "2.1b": 1e-3 * PULL * 0.25 * GAP / (1 - 0.25**2) ** 1.5 / 9.81,
+    "2.2": brentq(lambda kappa: offset(kappa) - 0.15, 1.5, 3),
+    "2.3": FIELD * math.sqrt((SPRING - MASS * (300 * RPM) ** 2) / PULL),
+    "3.1": math.ceil(math.pi * 3000 / 2.5),
+    "3.2": TURN * OMEGA / (150 * RPM) / math.sqrt(24e-4),
+    "4.1": 3 * (2 * 8 + 1),
+    "4.2": 3 * 4 + 4 + 1,
+    "5.1": 3.0,
+    "6.1": 1e-6 * 48 * STEEL * SECOND / LENGTH**3,
+    "6.2": split_of_mode(3, 500.0),
+    "6.3": 13 / 35,  # the consistent mass matrix of any textbook
+    "7.1": 1e-3 * (239648.0 + 119e3 * 0.472**2),
+    "7.3": 1e3 * 2 * 0.05 / (TURN * (5.98 + 15.81)),  # the two modes that the chapter prints, Hz
+    "8.1": stiffness_at_the_generator(LENGTH / 12, 8.123) / PULL,
+    "8.2": 0.5,
+    "9.2": 2,
+    "11.1": 1.5 * PULL * GAP * (0.2 / 11) ** 2,
+    "11.2": -4,
+    "12.1": 2 * math.sqrt(2) * 71,
+    "12.2": 6.3e-3 / (150 * RPM) * 31310,
+}
+
+
+@pytest.mark.parametrize("number", BY_HAND)
+def test_answer_is_that_by_hand(number):
+    right = exercise(number).right()
+    if isinstance(right, list) and isinstance(right[0], str):
+        assert right == BY_HAND[number]
+    else:
+        assert right == pytest.approx(BY_HAND[number], rel=1e-3)
+
+
+def test_an_oval_stator_pulls_unevenly():
+    """2.4: x is a quarter turn from z."""
+    asked = exercise("2.4")
+    assert asked.measure(asked.right()) == pytest.approx(
+        [oval_slope(math.pi / 2), oval_slope(0.0)], rel=1e-6)
+
+
+def test_sources_are_those_of_the_card():
+    """0.3: counted in the card's text."""
+    found = re.findall(r'source = "([^"]+)"', CARD.read_text(encoding="utf-8"))
+    assert exercise("0.3").right() == {word: found.count(word) for word in set(found)}
+
+
+def test_an_order_below_two():
+    """3.3: with γ other than a half Newmark's method is of first order."""
+    assert exercise("3.3").right() == pytest.approx(1, abs=0.06)
+
+
+def test_the_third_critical_speed_is_the_printed_one():
+    """7.2: the rotor of three discs, by Lalanne and Ferraris (1998)."""
+    assert exercise("7.2").right() == pytest.approx(10018, abs=3)
