@@ -56,7 +56,8 @@ MACHINES: dict[str, Callable[[], Machine]] = {
     "tangential": lambda: gap(tangential=0.005),
     "shaped stator": lambda: unit(shapes=(OVAL,)),
     "shaped turning rotor": lambda: unit(shapes=(OVAL, GapShape("lobes", "rotor", 3, 3e-4, 0.4))),
-    "one pole pair": lambda: load_machine("two-pole"),
+    # in step with the rotor: with slip nothing repeats after a revolution
+    "one pole pair": lambda: replace(load_machine("two-pole"), poles=Poles(1, electrical_ratio=1.0)),
     "two pole pairs": lambda: replace(load_machine("two-pole"), poles=Poles(2)),
     "many pole pairs": lambda: unit(poles=Poles(20)),
     "loaded poles": lambda: replace(load_machine("two-pole"),

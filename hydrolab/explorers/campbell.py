@@ -9,12 +9,13 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.modes import campbell, modes
+from hydrolab.explorers.guide import guides
 from hydrolab.explorers.kept_figure import KeptFigure
 from hydrolab.explorers.widget import FigureExplorer, View, slider
 from hydrolab.figures.drawing import RPM
 from hydrolab.figures.readings import listed
 from hydrolab.figures.style import COLOURS, house_style, new_figure
-from hydrolab.machine.cards import load_machine
+from hydrolab.machine.cards import load_machine, vary
 from hydrolab.machine.parts import Machine
 
 
@@ -36,13 +37,12 @@ class CampbellView(View):
             axes = figure.subplots()
             rpm = self.speeds / RPM
             axes.plot(rpm, rpm / 60, color=COLOURS["1X"], linewidth=1.6)
-            axes.annotate("1X", (rpm[-1], min(rpm[-1] / 60, top)), xytext=(-6, -16),
-                          textcoords="offset points",
-                          color=COLOURS["1X"], ha="right", va="top", fontsize=14)
+            axes.annotate("1X", (rpm[-1], min(rpm[-1] / 60, top)), xytext=(-6, -16), ha="right",
+                          va="top", textcoords="offset points", color=COLOURS["1X"], fontsize=14)
             self.lines = {way: axes.plot([], [], line, color=colour, label=way)[0]
-                          for way, line, colour in
-                          (("forward", "-", COLOURS["x"]), ("backward", "--", COLOURS["z"]),
-                           ("planar", ":", COLOURS["unknown"]))}
+                          for way, line, colour in (("forward", "-", COLOURS["x"]),
+                                                    ("backward", "--", COLOURS["z"]),
+                                                    ("planar", ":", COLOURS["unknown"]))}
             self.critical, = axes.plot([], [], "D", color=COLOURS["fold"], label="critical speed",
                                        linestyle="none")
             self.cursor = axes.axvline(0, color=COLOURS["axis"], linewidth=1)
@@ -54,10 +54,9 @@ class CampbellView(View):
         self.kept = KeptFigure(figure, [*self.lines.values(), self.critical, self.cursor, self.now])
 
     def _varied(self, stiffness: float, gyroscopic: float) -> Machine:
-        bodies = tuple(replace(b, Ip=gyroscopic * b.Ip) for b in self.machine.bodies)
-        bearings = tuple(replace(b, stiffness=stiffness * b.stiffness)
-                         for b in self.machine.bearings)
-        return replace(self.machine, bodies=bodies, bearings=bearings)
+        changes = {f"bodies.{b.name}.Ip": gyroscopic * b.Ip for b in self.machine.bodies}
+        changes |= {guide.key: stiffness * guide.value for guide in guides(self.machine)}
+        return vary(self.machine, changes)
 
     def __call__(self, speed: float, stiffness: float, gyroscopic: float) -> str:
         """Show the diagram at a speed (rpm), bearings and polar inertias as multiples of the
@@ -72,12 +71,12 @@ class CampbellView(View):
         rpm, hertz, whirl = self.speeds / RPM, self.diagram.hertz, self.diagram.whirl
         ways = {"forward": whirl >= 0.05, "backward": whirl <= -0.05,
                 "planar": np.abs(whirl) < 0.05}
+        found, apart = hertz.shape[1], np.full(hertz.shape[1], np.nan)
         for way, line in self.lines.items():
             near = ways[way].copy()
             near[1:] |= ways[way][:-1]  # so that a line reaches the point where it changes its kind
-            line.set_data(np.tile([*rpm, np.nan], self.branches),
-                          np.vstack([np.where(near, hertz, np.nan),
-                                     np.full(self.branches, np.nan)]).T.ravel())
+            line.set_data(np.tile([*rpm, np.nan], found),
+                          np.vstack([np.where(near, hertz, np.nan), apart]).T.ravel())
         critical = self.diagram.critical_speeds
         self.critical.set_data(critical / RPM, critical / 2 / math.pi)
         self.cursor.set_xdata([speed, speed])

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from hydrolab.dynamics.harmonics import synthesise
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.explorers.kept_figure import KeptFigure
 from hydrolab.explorers.legs import STEP, Diagram, Legs, legs_of
 from hydrolab.explorers.widget import FigureExplorer, View, choice, slider
-from hydrolab.figures.drawing import MM, REVOLUTION, UM, draw_axis, round_up
-from hydrolab.figures.paper_figures import draw_bearings, path_of, rotor_stations
+from hydrolab.figures.drawing import (
+    MM,
+    REVOLUTION,
+    UM,
+    contact_line,
+    draw_axis,
+    narrowest,
+    round_up,
+)
 from hydrolab.figures.readings import orbit_reading, percent
+from hydrolab.figures.rotor import draw_bearings, rotor_stations
 from hydrolab.figures.style import COLOURS, house_style, new_figure, plane
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
@@ -39,7 +46,8 @@ class EccentricityView(View):
     def __init__(self, machine: Machine, legs: Legs | None = None) -> None:
         self.machine, self.legs = machine, legs or legs_of(machine)
         self.shape: list[Artist] = []
-        self.gap = self.legs.branch.equations.model.gap
+        model = self.legs.branch.equations.model
+        self.gap, self.contact = model.gap, contact_line(model)
         with house_style():
             self._draw()
 
@@ -175,14 +183,11 @@ class EccentricityView(View):
         self.left.set_text("")
 
     def _show(self, orbit: PeriodicOrbit, verdict: str) -> None:
-        path, turn = orbit.positions(COARSE), np.array([np.sin(COARSE), np.cos(COARSE)])
-        self.circle.set_data(*(MM * (orbit.centre[:, None] + self.gap * turn)))
+        path = orbit.positions(COARSE)
+        self.circle.set_data(*(MM * (orbit.centre[:, None] + self.contact)))
         self.stator.set_data(*(MM * orbit.centre[:, None]))
         self.path.set_data(*(MM * path))
-        away = path - orbit.centre[:, None]
-        at = int(np.argmax(np.hypot(*away)))
-        touch = orbit.centre + self.gap * away[:, at] / (math.hypot(*away[:, at]) or 1.0)
-        self.measure.set_data(*(MM * np.column_stack([path[:, at], touch])))
+        self.measure.set_data(*(MM * narrowest(orbit)))
         self.left.set_text(f"smallest gap {MM * orbit.smallest_gap:.2f} mm")
         self.none.set_text("")
         around = path - orbit.mean[:, None]
@@ -215,7 +220,7 @@ class EccentricityView(View):
 
 def _extent(coefficients: NDArray) -> NDArray:
     """Least and greatest x of each station over a revolution, m, (2, stations)."""
-    x = path_of(coefficients[:, 0], COARSE)
+    x = synthesise(coefficients[:, 0], COARSE)
     return np.array([x.min(axis=1), x.max(axis=1)])
 
 

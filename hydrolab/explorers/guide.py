@@ -1,4 +1,5 @@
-"""The bearing that guides the body in the air gap, of whatever kind, and how stiff it is."""
+"""The radial bearings of a machine, of whatever kind, and the number that says how stiff one is.
+"""
 
 from __future__ import annotations
 
@@ -34,17 +35,20 @@ class Guide:
         return self.scale * float(np.abs(self.value).max())
 
 
+def guides(machine: Machine) -> list[Guide]:
+    """All radial bearings of a machine: springs, pads and films."""
+    return [Guide(bearing.name, bearing.node, f"bearings.{bearing.name}.{name}",
+                  getattr(bearing, name), *STIFFNESS[name])
+            for bearing in machine.all_bearings for name in STIFFNESS if hasattr(bearing, name)]
+
+
 def guide_of(machine: Machine) -> Guide:
-    """The radial bearing nearest to the body in the air gap: springs, pads or a film.
+    """The radial bearing nearest to the body in the air gap.
 
     Raises BadInput for a machine without one.
     """
-    home = machine.body(machine.air_gap.body).node
-    radial = [(bearing, name) for bearing in machine.all_bearings for name in STIFFNESS
-              if hasattr(bearing, name)]
-    if not radial:
+    home, found = machine.body(machine.air_gap.body).node, guides(machine)
+    if not found:
         raise BadInput(f"{machine.name} has no radial bearing; this explorer changes the stiffness "
                        "of one.")
-    bearing, name = min(radial, key=lambda pair: abs(pair[0].node - home))
-    return Guide(bearing.name, bearing.node, f"bearings.{bearing.name}.{name}",
-                 getattr(bearing, name), *STIFFNESS[name])
+    return min(found, key=lambda guide: abs(guide.node - home))

@@ -53,7 +53,7 @@ class KeptFigure:
         return quick_png(self._pixels())
 
     def layers(self) -> tuple[bytes, bytes]:
-        """The figure as it is now: what stands still, as PNG, and the pixels `differing` from it."""
+        """The figure as it is now: what stands still, as PNG, and what is `differing` from it."""
         pixels = self._pixels()
         if self._ground is None:
             canvas = self.figure.canvas

@@ -23,7 +23,7 @@ from hydrolab.figures.style import COLOURS, LINES
 from hydrolab.machine.parts import Machine
 
 STEP = 0.05  # % of eccentricity, between two stops of a slider
-# static eccentricity (points,) and local coefficients (points, c, 2m + 1) → what is drawn, (points,)
+# static eccentricity (points,), local coefficients (points, c, 2m + 1) → what is drawn, (points,)
 Number = Callable[[NDArray, NDArray], NDArray]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -13,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.batch import update_branch
 from hydrolab.dynamics.branches import orbits_at
-from hydrolab.dynamics.harmonics import fourier_rows
+from hydrolab.dynamics.harmonics import synthesise
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput, Contact, NoConvergence
@@ -79,7 +80,7 @@ class BranchView(View):
         # below both diagrams, where it covers no fold
         figure.legend(*first.get_legend_handles_labels(), loc="outside lower left", ncols=4,
                       fontsize=11)
-        moving = [*sum(self.lines.values(), []), *self.folds, *self.cursors, *self.dots]
+        moving = [*chain(*self.lines.values()), *self.folds, *self.cursors, *self.dots]
         self.kept = KeptFigure(figure, [*moving, *self._draw_plane(self.plane)])
         self._limits(self.card, 0.0)
 
@@ -99,13 +100,12 @@ class BranchView(View):
         """What the two diagrams draw of a branch: 1X along the eccentricity, µm, and the smallest
         gap, mm.
         """
-        equations, direction = legs.branch.equations, legs.branch.direction
-        rows = fourier_rows(equations.harmonics, COARSE)
+        model = legs.branch.equations.model
 
         def left(eccentricity: NDArray, local: NDArray) -> NDArray:
-            away = local @ rows - self.gap * np.einsum("p,i->pi", eccentricity,
-                                                       direction)[:, :, None]
-            return MM * (self.gap - np.hypot(away[:, 0], away[:, 1]).max(axis=1))
+            centre = self.gap * legs.branch.direction[:, None] * eccentricity
+            place = model.relative(np.moveaxis(synthesise(local, COARSE), 1, 0), centre[:, :, None])
+            return MM * model.law.smallest_gap(place, COARSE).min(axis=1)
 
         return legs.first, left
 
@@ -115,8 +115,7 @@ class BranchView(View):
         first = float(legs.first(np.empty(0), shown).max())
         reach = min(max(102 * legs.reach, eccentricity), 100)
         wanted = (0, next(limit for limit in LIMITS if limit >= reach)), (0, round_up(1.15 * first))
-        far = shown @ fourier_rows(legs.branch.equations.harmonics, COARSE)
-        size = round_up(MM * float(np.abs(far).max()) / 1.5)
+        size = round_up(MM * float(np.abs(synthesise(shown, COARSE)).max()) / 1.5)
         upper, lower = self.axes
         if wanted == (upper.get_xlim(), upper.get_ylim()) and size == self._size:
             return
@@ -186,7 +185,7 @@ class BranchView(View):
         self._mark(self.folds, self.legs.at_folds())
 
     def _fade(self) -> None:
-        for artist in (*sum(self.lines.values(), []), *self.orbits):
+        for artist in chain(*self.lines.values(), self.orbits):
             artist.set_color(FADED)
         for name in self.names:
             name.set_text("")
@@ -228,10 +227,11 @@ def branch_explorer(machine: Machine | None = None,
     """
     view = BranchView(machine or load_machine("kaplan-150rpm"))
     first = 100 * view.card.all[0].high
+    most = round(max(2 * first, 104 * view.card.reach), 1)
     start = round(0.95 * first, 1) if eccentricity is None else eccentricity
     field, mass, stiffness = (view.numbers[name][2] for name in ("field", "mass", "stiffness"))
     return FigureExplorer(view, {
-        "eccentricity": slider("static eccentricity, %", start, 0.0, round(2 * first, 1), 0.1, 1),
+        "eccentricity": slider("static eccentricity, %", start, 0.0, most, 0.1, 1),
         "field": slider("field, T", field, 0.8 * field, 1.12 * field, 0.004 * field, 3),
         "unbalance": slider("unbalance, × the card's", 1.0, 0.1, 2.0, 0.02, 2),
         "mass": slider(f"mass of the {view.body.name}, t", mass, 0.6 * mass, 1.5 * mass,

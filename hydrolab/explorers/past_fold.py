@@ -15,21 +15,20 @@ from hydrolab.explorers.eccentricity import FEW
 from hydrolab.explorers.kept_figure import KeptFigure
 from hydrolab.explorers.legs import STEP, Diagram, legs_of
 from hydrolab.explorers.widget import FigureExplorer, View, slider
-from hydrolab.figures.drawing import MM, REVOLUTION, draw_axis
+from hydrolab.figures.drawing import MM, REVOLUTION, contact_line, draw_axis
 from hydrolab.figures.readings import percent
 from hydrolab.figures.style import COLOURS, LINES, PURPLE, house_style, new_figure, plane
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
+from hydrolab.paper.study import stable_steps
 
 SEVERAL = 5  # orbits shown at one eccentricity
 # that a motion gets to settle: after it has left a leg, and at each step after that
 REVOLUTIONS = 250, 60
 SLOW = 0.1  # % of eccentricity, the steps of a machine that is on no leg
-METHOD = CentralDifference(steps_per_revolution=512)
 # a motion whose coefficients are this near to an orbit's, in parts of its vibration, has settled on
 # it
 SAME = 0.02
-TURN = np.array([np.sin(REVOLUTION), np.cos(REVOLUTION)])
 
 
 class PastFoldView(View):
@@ -43,13 +42,14 @@ class PastFoldView(View):
 
     def __init__(self, machine: Machine) -> None:
         self.legs, self.model, self.speed = legs_of(machine), machine.model(), machine.speed
-        self.gap = self.model.gap
+        self.contact = contact_line(self.model)
+        self.method = CentralDifference(stable_steps(self.model, self.speed))
         with house_style():
             figure = new_figure(11.4, 5.5)
             left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
             plane(left, "All orbits in the gap")
             draw_axis(left)
-            reach = 1.12 * MM * self.gap
+            reach = 1.12 * MM * self.model.gap
             left.set(adjustable="box", xlim=(-reach, reach), ylim=(-reach, reach))
             self.circle, = left.plot([], [], color=COLOURS["stator"], linewidth=3.5)
             self.orbits = [left.plot([], [])[0] for _ in range(SEVERAL)]
@@ -131,7 +131,7 @@ class PastFoldView(View):
         """
         more = ({"revolutions": REVOLUTIONS[1]} if isinstance(start, Trajectory) else
                 {"revolutions": REVOLUTIONS[0], "disturbance": (1e-6, 1e-6)})
-        self.off = integrate(self.model, METHOD, speed=self.speed, static_eccentricity=value,
+        self.off = integrate(self.model, self.method, speed=self.speed, static_eccentricity=value,
                              start=start, **more)
         then = why or f"At {percent(value, 4)}"
         if not self.off.finished:
@@ -150,7 +150,7 @@ class PastFoldView(View):
 
     def _show(self, eccentricity: float, there: list[tuple[int, PeriodicOrbit]]) -> None:
         centre = self.model.centre(eccentricity / 100)
-        self.circle.set_data(*(MM * (centre[:, None] + self.gap * TURN)))
+        self.circle.set_data(*(MM * (centre[:, None] + self.contact)))
         self.diagram.cursor.set_xdata([eccentricity, eccentricity])
         for line in self.orbits:
             line.set_data([], [])

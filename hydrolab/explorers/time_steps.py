@@ -7,7 +7,7 @@ from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.integrate import CentralDifference, Newmark, integrate
-from hydrolab.errors import NoConvergence
+from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.explorers.kept_figure import KeptFigure
 from hydrolab.explorers.widget import FigureExplorer, View, choice, steps
 from hydrolab.figures.drawing import REVOLUTION, UM
@@ -36,6 +36,10 @@ class IntegratorView(View):
     def __init__(self, machine: Machine, eccentricity: float = 0.07) -> None:
         self.model, self.speed = machine.model(), machine.speed
         self.orbit = HarmonicBalance(harmonics=16).solve(self.model, self.speed, eccentricity)
+        self.size = vibration(self.orbit)
+        if not self.size:
+            raise BadInput(f"{machine.name} does not vibrate here; an explorer of a method's error "
+                           "needs an unbalance.")
         self.errors: dict[tuple[str, int], float] = {}
         with house_style():
             figure = new_figure(11, 5)
@@ -86,11 +90,10 @@ class IntegratorView(View):
             line.set_data(*zip(*found, strict=True) if found else ([], []))
         self.here.set_data([steps], [error])
         self.slope.set_data(ENDS, error * (ENDS / steps) ** -chosen.order)
-        size = vibration(self.orbit)
         return (f"{method} (order {chosen.order}) with {steps} steps in a revolution is "
                 f"{error:.3g} µm off after {REVOLUTIONS} revolutions, "
-                f"{100 * error / (UM * size):.2g} % of the vibration, which reaches "
-                f"{microns(size)}.")
+                f"{100 * error / (UM * self.size):.2g} % of the vibration, which reaches "
+                f"{microns(self.size)}.")
 
 
 def integrator_explorer(machine: Machine | None = None,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.branches import Arclength, follow

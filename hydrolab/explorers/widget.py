@@ -16,7 +16,15 @@ import ipywidgets as widgets
 import traitlets
 
 from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.explorers.flipbook import FRAMES, MIME, Frame, flipbook, main_control, shown, slider_values
+from hydrolab.explorers.flipbook import (
+    FRAMES,
+    MIME,
+    Frame,
+    flipbook,
+    main_control,
+    shown,
+    slider_values,
+)
 from hydrolab.explorers.kept_figure import KeptFigure
 from hydrolab.figures.picture import Picture
 from hydrolab.figures.style import new_figure

@@ -20,7 +20,6 @@ from hydrolab.figures.paper_figures import (
     figure_5,
     figure_6,
     figure_7,
-    path_of,
     study_pictures,
 )
 from hydrolab.figures.picture import Picture
@@ -30,5 +29,5 @@ __all__ = [
     "COLOURS", "Picture", "REVOLUTION", "basins_picture", "branch_picture", "draw_orbit",
     "figure_3", "figure_4", "figure_5", "figure_6", "figure_7", "house_style",
     "hysteresis_picture", "integrity_picture", "map_picture", "multipliers_picture", "new_figure",
-    "orbit_picture", "path_of", "plane", "study_pictures",
+    "orbit_picture", "plane", "study_pictures",
 ]

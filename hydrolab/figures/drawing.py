@@ -11,8 +11,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
+from hydrolab.dynamics.harmonics import PERIOD
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.figures.style import COLOURS
+from hydrolab.machine.model import Model
 
 REVOLUTION = np.linspace(0.0, 2 * np.pi, 721)
 MM, UM = 1e3, 1e6  # from metres
@@ -50,14 +52,31 @@ def draw_arrow(axes: Axes, path: NDArray, colour: Any, at: float = 0.6) -> None:
                                                        "shrinkA": 0, "shrinkB": 0})
 
 
-def draw_gap(axes: Axes, centre: NDArray, gap: float, *, label: bool = True) -> None:
-    """The circle the rotor centre may not leave, radius g0 about the stator centre; that centre;
-    the bearing axis.
+def contact_line(model: Model, count: int = 181) -> NDArray:
+    """Where the centre of a rotor that does not lean would touch, about the stator's centre, m, (2,
+    count): a circle of radius g0 where stator and rotor are round, else found by halving.
+
+    Of a rotor that is out of round it is where it touches somewhere in a revolution.
     """
-    words = (f"contact, radius {MM * gap:.3g} mm", "stator centre",
+    angle = np.linspace(0.0, 2 * np.pi, count)
+    turn = np.array([np.sin(angle), np.cos(angle)])
+    phase = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)[:, None] if model.law.moving else 0.0
+    low, high = np.zeros(count), np.full(count, 2 * model.gap)
+    for _ in range(30):
+        middle = (low + high) / 2
+        clear = np.min(model.law.smallest_gap((middle * turn)[:, None], phase), axis=0) > 0
+        low, high = np.where(clear, middle, low), np.where(clear, high, middle)
+    return low * turn
+
+
+def draw_gap(axes: Axes, centre: NDArray, model: Model, *, label: bool = True) -> None:
+    """The line the rotor centre may not cross, about the stator centre (m); that centre; the
+    bearing axis.
+    """
+    words = (f"contact, radius {MM * model.gap:.3g} mm", "stator centre",
              "bearing axis") if label else ("",) * 3
-    circle = centre[:, None] + gap * np.array([np.sin(REVOLUTION), np.cos(REVOLUTION)])
-    axes.plot(*(MM * circle), color=COLOURS["stator"], linewidth=3, label=words[0])
+    axes.plot(*(MM * (centre[:, None] + contact_line(model))), color=COLOURS["stator"],
+              linewidth=3, label=words[0])
     axes.plot(*(MM * centre), "x", color=COLOURS["stator"], markersize=8, markeredgewidth=2,
               label=words[1])
     draw_axis(axes, words[2])
@@ -82,22 +101,29 @@ def nearest(axes: Axes, x: float, y: float, points: NDArray) -> int | None:
                                     - place).T)))
 
 
+def narrowest(orbit: PeriodicOrbit) -> NDArray:
+    """The rotor centre where the gap is smallest on an orbit, and the point across that gap, m,
+    (2, 2): the measure's ends in its columns.
+    """
+    phase = orbit.revolutions * PERIOD
+    place = orbit.model.relative(orbit.coordinates(phase), orbit.centre[:, None])
+    gap, angle = orbit.model.law.narrowest(place, phase)
+    at = int(np.argmin(gap))
+    start = orbit.positions(phase[at:at + 1])[:, 0]
+    towards = np.array([math.sin(angle[at]), math.cos(angle[at])])
+    return np.column_stack([start, start + gap[at] * towards])
+
+
 def draw_smallest_gap(axes: Axes, orbit: PeriodicOrbit) -> None:
-    """A measure from the orbit to the circle where the gap is smallest."""
-    path = orbit.positions(REVOLUTION)
-    away = path - orbit.centre[:, None]
-    at = int(np.argmax(np.hypot(*away)))
-    radius = math.hypot(*away[:, at])
-    if not radius:
+    """A measure from the orbit across the gap where it is smallest."""
+    start, end = MM * narrowest(orbit).T
+    if np.allclose(start, MM * orbit.centre, atol=1e-9):
         return  # at rest in the middle: the gap is the same all around
-    touch = orbit.centre + away[:, at] * orbit.model.gap / radius
-    axes.annotate("", xy=MM * touch, xytext=MM * path[:, at],
+    axes.annotate("", xy=end, xytext=start,
                   arrowprops={"arrowstyle": "<|-|>", "color": COLOURS["axis"], "shrinkA": 0,
                               "shrinkB": 0})
-    middle = MM * (touch + path[:, at]) / 2
-    axes.annotate(f"{MM * orbit.smallest_gap:.2f} mm", middle, xytext=(0, 9),
-                  textcoords="offset points",
-                  ha="center", fontsize=12)
+    axes.annotate(f"{MM * orbit.smallest_gap:.2f} mm", (start + end) / 2, xytext=(0, 9),
+                  textcoords="offset points", ha="center", fontsize=12)
 
 
 def frame(axes: Axes, points: ArrayLike, margin: float = 0.12) -> None:

@@ -14,10 +14,11 @@ from hydrolab.dynamics.escape import Integrity
 from hydrolab.dynamics.results import Branch
 from hydrolab.dynamics.slow_change import Passage
 from hydrolab.dynamics.stability import Floquet
+from hydrolab.errors import BadInput
 from hydrolab.figures.drawing import MM, UM
-from hydrolab.figures.orbits import draw_branch
+from hydrolab.figures.orbits import draw_branch, parameter_axis
 from hydrolab.figures.picture import Picture
-from hydrolab.figures.readings import listed, percent
+from hydrolab.figures.readings import followed, listed, percent, said
 from hydrolab.figures.style import (
     BLACK,
     BLUE,
@@ -26,6 +27,7 @@ from hydrolab.figures.style import (
     ORANGE,
     PURPLE,
     SKY,
+    VERMILLION,
     YELLOW,
     house_style,
     new_figure,
@@ -35,69 +37,81 @@ if TYPE_CHECKING:
     import xarray
 
 PASSAGES = (("s", BLUE), ("^", ORANGE), ("v", PURPLE))
+REACHED = (SKY, ORANGE, YELLOW, PURPLE, GREEN, BLUE, VERMILLION)
 
 
 @house_style()
 def hysteresis_picture(branch: Branch, stability: Sequence[Floquet],
                        passages: Mapping[str, Passage]) -> Picture:
-    """A branch and what a machine does in time while the eccentricity moves slowly.
+    """A branch and what a machine does in time while its parameter moves slowly.
 
     Shown is x at the moment Ωt = 0: one dot a value where the motion repeats every revolution, more
-    where it does not. passages: by name, as `sweep_in_time` and `drift` return them; at most three.
+    where it does not. passages: by name, as `sweep_in_time` and `drift` return them, along the
+    parameter of the branch; at most three. Raises BadInput for others.
     """
+    if len(passages) > len(PASSAGES) or any(passage.parameter != branch.parameter
+                                            for passage in passages.values()):
+        along = ", ".join(passage.parameter for passage in passages.values())
+        raise BadInput(f"passages has {len(passages)}, along {along}; at most {len(PASSAGES)} are "
+                       f"drawn, and the branch runs along {branch.parameter}.")
     figure = new_figure(11, 6)
     axes = figure.subplots()
+    scale, label = parameter_axis(branch)
     # x at Ωt = 0 is the mean and the cosine coefficients.
     draw_branch(axes, branch, lambda c: c[..., 0, 0] + c[..., 0, 2::2].sum(axis=-1), stability)
     words = []
     for (name, passage), (marker, colour) in zip(passages.items(), PASSAGES, strict=False):
-        values = np.repeat(100 * passage.values, passage.section.shape[1])
+        values = np.repeat(scale * passage.values, passage.section.shape[1])
         axes.plot(values, UM * passage.section[:, :, 0].ravel(), marker, color=colour,
-                  markersize=4.5, linestyle="none",
-                  label=f"{name}, in time")
-        words.append(f"{name}: {_passage_words(passage)}")
-    axes.set(xlabel="static eccentricity, % of the gap", ylabel="x at Ωt = 0, µm",
+                  markersize=4.5, linestyle="none", label=f"{name}, in time")
+        words.append(f"{name}: {_passage_words(branch, passage)}")
+    axes.set(xlabel=label, ylabel="x at Ωt = 0, µm",
              title="Steady states, and a slow passage in time")
     axes.legend(loc="lower left")
-    return Picture(figure, "The generator's x at Ωt = 0 over the static eccentricity. "
+    return Picture(figure, f"The generator's x at Ωt = 0 over the {followed(branch)}. "
                    + " ".join(words))
 
 
-def _passage_words(passage: Passage) -> str:
+def _passage_words(branch: Branch, passage: Passage) -> str:
     """What it did on the way, where it jumped, and how it ends."""
     means = passage.section.mean(axis=1)
     jumps = np.abs(np.diff(means, axis=0)).max(axis=1, initial=0.0)
     jump = ""
     if len(jumps) and passage.settled.all() and jumps.max() > max(5 * np.median(jumps), 20e-6):
         jump = (f", with a jump of {MM * jumps.max():.2f} mm at "
-                f"{percent(passage.values[int(np.argmax(jumps)) + 1])}")
+                f"{said(branch, passage.values[int(np.argmax(jumps)) + 1])}")
     return f"{passage.told}{jump}. {passage.stopped} {passage.doubt}".strip(" .") + "."
 
 
 @house_style()
 def basins_picture(found: Basins, names: Sequence[str]) -> Picture:
-    """Where each start ends; names: of the orbits, in their order."""
-    kinds = [*range(len(found.orbits)), OTHER, CONTACT]
-    reached = [(SKY, ORANGE, YELLOW, PURPLE, GREEN, BLUE)[i % 6] for i in range(len(found.orbits))]
-    colours = [*reached, "#BBBBBB", BLACK]
+    """Where each start ends; names: of the orbits, in their order, all different.
+
+    Raises BadInput where the names do not fit the orbits, or there are more than can be told apart.
+    """
+    if len(set(names)) != len(found.orbits) or len(names) > len(REACHED):
+        raise BadInput(f"names has {len(names)} for {len(found.orbits)} orbits; give each its own, "
+                       f"and at most {len(REACHED)} orbits.")
+    kinds = [*range(len(names)), OTHER, CONTACT]
+    colours = [*REACHED[:len(names)], "#BBBBBB", BLACK]
     labels = [*names, "anything else", "contact"]
     shown = np.searchsorted(np.array(sorted(kinds)), found.ends)
     order = [kinds.index(kind) for kind in sorted(kinds)]
     figure = new_figure(9, 6.5)
     axes = figure.subplots()
     axes.pcolormesh(MM * found.displacement, MM * found.velocity, shown, shading="nearest",
-                    vmin=-0.5,
-                    vmax=len(kinds) - 0.5, cmap=ListedColormap([colours[i] for i in order]))
+                    vmin=-0.5, vmax=len(kinds) - 0.5,
+                    cmap=ListedColormap([colours[i] for i in order]))
     axes.set(xlabel="starting displacement along x, mm", ylabel="starting velocity along x, mm/s",
              title=f"Where the rotor is after {found.revolutions} revolutions")
     axes.grid(False)
     axes.plot(0, 0, "+", color=BLACK, markersize=12, markeredgewidth=2)
-    shares = {label: found.share(kind) for kind, label in zip(kinds, labels, strict=True)}
-    figure.legend(handles=[Patch(color=c, label=label)
-                           for c, label in zip(colours, labels, strict=True) if shares[label]],
+    shares = [found.share(kind) for kind in kinds]
+    figure.legend(handles=[Patch(color=colour, label=label) for colour, label, share
+                           in zip(colours, labels, shares, strict=True) if share],
                   loc="outside lower center", ncols=4)
-    words = listed([f"{100 * share:.0f} % end in {label}" for label, share in shares.items()
-                    if share])
+    words = listed(f"{100 * share:.0f} % end in {label}"
+                   for label, share in zip(labels, shares, strict=True) if share)
     return Picture(figure, f"Of {found.ends.size} starts off {names[0]} (+), at phase 0, {words}.")
 
 
@@ -145,20 +159,17 @@ def multipliers_picture(branch: Branch, stability: Sequence[Floquet], rows: Sequ
     axes.set(xlabel="real part", ylabel="imaginary part", title="Leading Floquet multipliers")
     axes.set_aspect("equal", adjustable="datalim")
     axes.legend(loc="upper right")
-    values = branch.values[list(rows)]
-    outside = [branch.path.say(v) for v, row in zip(values, rows, strict=True)
+    values = [branch.path.say(branch.values[row]) for row in rows]
+    outside = [value for value, row in zip(values, rows, strict=True)
                if stability[row].verdict == "unstable"]
-    return Picture(figure, f"Multipliers at {len(rows)} points from {branch.path.say(values[0])} "
-                           "to "
-                           f"{branch.path.say(values[-1])}; outside the unit circle at "
-                           f"{len(outside)} of them"
-                           + (f", first at {outside[0]}." if outside else "."))
+    first = f", first at {outside[0]}" if outside else ""
+    return Picture(figure, f"Multipliers at {len(rows)} points from {values[0]} to {values[-1]}; "
+                           f"outside the unit circle at {len(outside)} of them{first}.")
 
 
 @house_style()
 def map_picture(found: xarray.Dataset, quantity: str = "smallest_gap", *, x_scale: float = 1.0,
-                y_scale: float = 1.0,
-                x_label: str = "", y_label: str = "") -> Picture:
+                y_scale: float = 1.0, x_label: str = "", y_label: str = "") -> Picture:
     """One quantity of a map, with the line on which the first fold lies.
 
     x_scale, y_scale: factors on the axes' SI values; the labels say the unit that results.
@@ -178,8 +189,8 @@ def map_picture(found: xarray.Dataset, quantity: str = "smallest_gap", *, x_scal
     axes.grid(False)
     known = values[np.isfinite(values)]
     share = 100 * len(known) / values.size
-    span = f"from {scale * known.min():.3g} to {scale * known.max():.3g} {unit}" if len(known) else "nowhere known"
+    span = (f"from {scale * known.min():.3g} to {scale * known.max():.3g} {unit}" if len(known)
+            else "nowhere known")
     name = found[quantity].attrs["long_name"].capitalize()
     return Picture(figure, f"{name}: {span} on {share:.0f} % of the map; the rest has no steady "
-                           "state on the first "
-                           "leg, beyond the line of the first fold.")
+                           "state on the first leg, beyond the line of the first fold.")

@@ -1,7 +1,5 @@
-"""A branch as a line: smooth between its points, stable stretches solid and the others dashed,
-folds as diamonds.
-
-Results as figures that carry their readings.
+"""An orbit, and a branch as a line: smooth between its points, stable stretches solid and the
+others dashed, folds as diamonds.
 """
 
 from __future__ import annotations
@@ -30,7 +28,16 @@ from hydrolab.figures.drawing import (
     frame_gap,
 )
 from hydrolab.figures.picture import Picture
-from hydrolab.figures.readings import along, branch_reading, first_along, orbit_reading, percent, verdicts
+from hydrolab.figures.readings import (
+    along,
+    branch_reading,
+    direction_words,
+    first_along,
+    followed,
+    orbit_reading,
+    percent,
+    verdicts,
+)
 from hydrolab.figures.style import COLOURS, LINES, house_style, new_figure, plane
 
 # coefficients of the c nonlinear coordinates, (points, c, 2m + 1) → a length of each point, m
@@ -41,8 +48,8 @@ Number = Callable[[NDArray], NDArray]
 class Curve:
     """A branch as a smooth curve through its points and folds, for the eye.
 
-    at_points, at_folds: position of each along the curve. spline: position → [eccentricity,
-    coefficients of the c nonlinear coordinates …]. coordinates: c.
+    at_points, at_folds: position of each along the curve. spline: position → [value of the
+    parameter, coefficients of the c nonlinear coordinates …]. coordinates: c.
     """
 
     at_points: NDArray
@@ -51,8 +58,9 @@ class Curve:
     coordinates: int
 
     def __call__(self, position: NDArray) -> tuple[NDArray, NDArray]:
-        """Static eccentricity (fraction of the gap) and coefficients of the c nonlinear coordinates
-        (m or rad, (…, c, 2m + 1)) at these positions; the generator's x and z come first.
+        """Value of the parameter (static eccentricity: fraction of the gap) and coefficients of the
+        c nonlinear coordinates (m or rad, (…, c, 2m + 1)) at these positions; the generator's x and
+        z come first.
         """
         rows = self.spline(position)
         return rows[..., 0], rows[..., 1:].reshape(*rows.shape[:-1], self.coordinates, -1)
@@ -63,13 +71,14 @@ def curve(branch: Branch) -> Curve:
     branch does.
     """
     length = branch.equations.length
-    points = np.column_stack([branch.static_eccentricity, length * branch.unknowns])
+    points = np.column_stack([branch.values, length * branch.unknowns])
     after = np.array([fold.after for fold in branch.folds], dtype=int)
     if len(after):
         folds = np.array([np.append(fold.value, length * fold.unknowns) for fold in branch.folds])
         points = np.insert(points, after + 1, folds, axis=0)
     rows = after + 1 + np.arange(len(after))
-    scale = np.append(1.0, np.full(points.shape[1] - 1, 1 / branch.equations.model.length_scale))
+    scale = np.full(points.shape[1], 1 / branch.equations.model.length_scale)
+    scale[0] = 1 / branch.path.scale
     chord = np.linalg.norm(np.diff(points * scale, axis=0), axis=1)
     position = np.concatenate([[0.0], np.cumsum(np.maximum(chord, 1e-12))])
     return Curve(np.delete(position, rows), position[rows], CubicSpline(position, points),
@@ -93,10 +102,12 @@ def stretches(branch_curve: Curve, words: Sequence[str]) -> list[tuple[str, floa
 
 def draw_branch(axes: Axes, branch: Branch, number: Number,
                 stability: Sequence[Floquet] | None = None) -> None:
-    """Draw one number of a branch (m, in µm) over the static eccentricity (%)."""
+    """Draw one number of a branch (m, in µm) over the parameter that it follows (the static
+    eccentricity in %).
+    """
+    scale, _ = parameter_axis(branch)
     if len(branch) == 1:
-        axes.plot(100 * branch.static_eccentricity, UM * number(branch.coefficients), "o",
-                  color=COLOURS["rotor"],
+        axes.plot(scale * branch.values, UM * number(branch.local), "o", color=COLOURS["rotor"],
                   label="steady state")
         return
     smooth = curve(branch)
@@ -104,21 +115,29 @@ def draw_branch(axes: Axes, branch: Branch, number: Number,
     seen: set[str] = set()
     for verdict, start, end in stretches(smooth, words):
         share = (end - start) / (smooth.at_points[-1] - smooth.at_points[0])
-        eccentricity, coefficients = smooth(np.linspace(start, end, 16 + round(1000 * share)))
-        axes.plot(100 * eccentricity, UM * number(coefficients), LINES.get(verdict, "-"),
+        values, local = smooth(np.linspace(start, end, 16 + round(1000 * share)))
+        axes.plot(scale * values, UM * number(local), LINES.get(verdict, "-"),
                   color=COLOURS.get(verdict, COLOURS["rotor"]),
                   label="" if verdict in seen else f"{verdict} steady state".strip())
         seen.add(verdict)
     if len(smooth.at_folds):
-        eccentricity, coefficients = smooth(smooth.at_folds)
-        axes.plot(100 * eccentricity, UM * number(coefficients), "D", color=COLOURS["fold"],
-                  label="fold", zorder=5)
+        values, local = smooth(smooth.at_folds)
+        axes.plot(scale * values, UM * number(local), "D", color=COLOURS["fold"], label="fold",
+                  zorder=5)
+
+
+def parameter_axis(branch: Branch) -> tuple[float, str]:
+    """What the values of a branch's parameter are multiplied by on an axis, and the axis' label."""
+    if branch.parameter == "static_eccentricity":
+        return 100.0, "static eccentricity, % of the gap"
+    unit = branch.path.unit
+    return 1.0, f"{followed(branch)}, {unit}" if unit else followed(branch)
 
 
 @house_style()
 def orbit_picture(orbit: PeriodicOrbit) -> Picture:
     """The orbit of the rotor centre, seen from above: its shape, and where it lies in the gap."""
-    path = orbit.positions(REVOLUTION)
+    path = orbit.positions(orbit.revolutions * REVOLUTION)
     has_gap = math.isfinite(orbit.model.gap)
     figure = new_figure(12, 6) if has_gap else new_figure(7, 6)
     near, *far = figure.subplots(1, 2 if has_gap else 1, squeeze=False)[0]
@@ -131,7 +150,7 @@ def orbit_picture(orbit: PeriodicOrbit) -> Picture:
     near.legend(loc="upper right")
     for axes in far:
         plane(axes, "Where it lies in the gap")
-        draw_gap(axes, orbit.centre, orbit.model.gap)
+        draw_gap(axes, orbit.centre, orbit.model)
         draw_orbit(axes, path, COLOURS["rotor"], sense=False)
         draw_smallest_gap(axes, orbit)
         frame_gap(axes, orbit.centre, orbit.model.gap)
@@ -142,8 +161,8 @@ def orbit_picture(orbit: PeriodicOrbit) -> Picture:
 
 @house_style()
 def branch_picture(branch: Branch, stability: Sequence[Floquet] | None = None) -> Picture:
-    """A branch over the static eccentricity: the mean and 1X, both along the eccentricity, with
-    folds.
+    """A branch over the parameter that it follows: the mean and 1X, both along the eccentricity,
+    with folds.
 
     stability: of each of its points, as `branch_stability` gives it; without it nothing is said
     about stability.
@@ -155,8 +174,10 @@ def branch_picture(branch: Branch, stability: Sequence[Floquet] | None = None) -
     left.set_ylabel("mean displacement, µm")
     right.set_ylabel("1X amplitude, µm (0-to-peak)")
     left.legend(loc="lower left")
-    figure.supxlabel("static eccentricity, % of the gap")
-    figure.suptitle("Steady states, along the eccentricity")
-    left.set_xlim(left=min(0.0, 100 * float(np.min(branch.static_eccentricity))))
+    scale, label = parameter_axis(branch)
+    figure.supxlabel(label)
+    figure.suptitle(f"Steady states, {direction_words(branch)}")
+    if branch.parameter == "static_eccentricity":
+        left.set_xlim(left=min(0.0, scale * float(np.min(branch.values))))
     right.set_ylim(bottom=0)
     return Picture(figure, branch_reading(branch, stability))

@@ -1,33 +1,22 @@
-"""The figures of the paper's study in words, one sentence each, computed from the study.
+"""The figures of the paper's study, computed, each with the sentence that it says.
 
-Figure 7 of the paper: the whole rotor under the pull, bent, with the orbit of every node.
-
-Seen from the side and from above: x is to the right, the depth y points down, and z points away
-from the reader, which an orthographic view from above turns into up. Displacements are exaggerated,
-by the same factor everywhere.
-
-Figure 8, which the paper could not show: the branch past its folds, and what the rotor does beyond
-them.
-
-The paper's Figures 3 to 6, computed: harmonic balance against integration, and the static
-eccentricity.
-
-Each takes a `hydrolab.paper.study.Study`. Percentages in titles are those of the machine at hand.
+Figures 3 and 4: harmonic balance against integration. 5 to 7: the static eccentricity. 8, which the
+paper could not show: the branch past its folds, and what the rotor does beyond them. Percentages in
+titles are those of the machine at hand.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from hydrolab.dynamics.harmonic_balance import orbit_from
-from hydrolab.dynamics.harmonics import ellipse, self_crossings
-from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory
+from hydrolab.dynamics.harmonics import PERIOD, ellipse, self_crossings, synthesise
+from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
 from hydrolab.dynamics.solvers import newton
 from hydrolab.dynamics.stability import Floquet
 from hydrolab.figures.drawing import (
@@ -45,7 +34,6 @@ from hydrolab.figures.drawing import (
 from hydrolab.figures.orbits import curve, draw_branch
 from hydrolab.figures.picture import Picture
 from hydrolab.figures.readings import (
-    PHASE,
     first_along,
     listed,
     microns,
@@ -54,9 +42,25 @@ from hydrolab.figures.readings import (
     stability_sentence,
     vibration,
 )
-from hydrolab.figures.style import COLOURS, LINES, eccentricity_colours, house_style, new_figure, plane
-from hydrolab.machine.model import Model, rigid_link
-from hydrolab.machine.parts import Machine
+from hydrolab.figures.rotor import (
+    ELEVATION,
+    draw_bearings,
+    draw_rotor,
+    draw_z,
+    exaggeration,
+    name_parts,
+    on_page,
+    rotor_stations,
+)
+from hydrolab.figures.style import (
+    COLOURS,
+    LINES,
+    eccentricity_colours,
+    house_style,
+    new_figure,
+    plane,
+)
+from hydrolab.paper.study import Study
 
 # the paper's percentages; `eccentricity` says what they stand for on another machine
 VALIDATION = 8.8
@@ -64,32 +68,21 @@ BEYOND = 9.0
 EVOLUTION = (0.0, 3.0, 5.0, 7.0, 8.0, 8.5, 8.8, 8.9)
 ROTOR = (1.0, 5.0, 7.0, 8.9)
 REPEATS = 1e-3  # two revolutions that differ by less than this share of the motion are the same
+LEG_POINTS = 161  # steady states that Figure 5 is drawn through
+WIDE = 1.35  # width over height of the small panels of Figure 6
+SMALLEST_SHOWN = 1e-2  # µm; below it an amplitude is not worth a decade of the logarithmic panels
+SHOWN = 40  # revolutions of a motion that stays in the gap
+LAST = 3  # of these, and of any other such motion, the orbit of the last ones
+# inches that names, titles, labels and legend of Figure 7 take beside and above its four panels
+BESIDE, ABOVE = 3.6, 2.1
 
 
-class StudyResult(Protocol):
-    """What the figures see of a study: the attributes of `hydrolab.paper.study.Study`."""
-
-    machine: Machine
-    model: Model
-    speed: float
-    branch: Branch
-    orbits: dict[float, PeriodicOrbit]
-    natural: Branch
-    stability: tuple[Floquet, ...]
-    check: Trajectory
-    beyond: Trajectory
-    beyond_orbits: tuple[tuple[PeriodicOrbit, Floquet], ...]
-
-    def eccentricity(self, percentage: float) -> float:
-        """Fraction of the gap that stands for a percentage of the paper on this machine."""
-
-
-def quoted(study: StudyResult, percentage: float) -> str:
+def quoted(study: Study, percentage: float) -> str:
     """A percentage of the paper as it is on this machine, "8.8 %"."""
     return percent(study.eccentricity(percentage))
 
 
-def validation(study: StudyResult) -> tuple[NDArray, NDArray, NDArray]:
+def validation(study: Study) -> tuple[NDArray, NDArray, NDArray]:
     """Times (s) of the last three revolutions of the check, integrated positions, and harmonic
     balance there, m.
     """
@@ -97,83 +90,69 @@ def validation(study: StudyResult) -> tuple[NDArray, NDArray, NDArray]:
     return times, path, study.orbits[VALIDATION].positions(study.speed * times)
 
 
-def figure_3_reading(study: StudyResult) -> str:
+def figure_3_reading(study: Study) -> str:
     """How far the two orbits are apart, and the smallest gap."""
     _, path, balance = validation(study)
     orbit = study.orbits[VALIDATION]
-    apart = float(np.hypot(*(balance - path)).max())
+    apart, size = float(np.hypot(*(balance - path)).max()), vibration(orbit)
     stopped = "" if study.check.finished else f" {study.check.stopped}"
     return (f"At {quoted(study, VALIDATION)} static eccentricity the orbits by harmonic balance "
-            f"({orbit.harmonics} "
-            f"harmonics) and by direct integration (the last 3 of {study.check.revolutions:.0f} "
-            "revolutions) are at "
-            f"most {microns(apart)} apart, {100 * apart / vibration(orbit):.3f} % of the largest "
-            "vibration of "
-            f"{microns(vibration(orbit))}; the smallest gap is {1e3 * orbit.smallest_gap:.3f} mm "
-            "of "
-            f"{1e3 * study.model.gap:.3f} mm.{stopped}")
+            f"({orbit.harmonics} harmonics) and by direct integration (the last 3 of "
+            f"{study.check.revolutions:.0f} revolutions) are at most {microns(apart)} apart, "
+            f"{100 * apart / size:.3f} % of the largest vibration of {microns(size)}; the smallest "
+            f"gap is {MM * orbit.smallest_gap:.3f} mm of {MM * study.model.gap:.3f} mm.{stopped}")
 
 
-def figure_4_reading(study: StudyResult) -> str:
+def figure_4_reading(study: Study) -> str:
     """How far x(t) and z(t) of the two methods are apart."""
     times, path, balance = validation(study)
-    apart = np.abs(balance - path).max(axis=1)
-    swing = np.ptp(balance, axis=1)
-    return (f"Over the last {(times[-1] - times[0]) * study.speed / (2 * math.pi):.0f} revolutions "
-            "at "
-            f"{quoted(study, VALIDATION)} static eccentricity x swings over {microns(swing[0])} "
-            "and z over "
-            f"{microns(swing[1])} (peak to peak); harmonic balance and direct integration differ "
-            "by at most "
+    apart, swing = np.abs(balance - path).max(axis=1), np.ptp(balance, axis=1)
+    turns = (times[-1] - times[0]) * study.speed / (2 * math.pi)
+    return (f"Over the last {turns:.0f} revolutions at {quoted(study, VALIDATION)} static "
+            f"eccentricity x swings over {microns(swing[0])} and z over {microns(swing[1])} (peak "
+            "to peak); harmonic balance and direct integration differ by at most "
             f"{microns(apart[0])} in x and {microns(apart[1])} in z.")
 
 
-def figure_5_reading(study: StudyResult) -> str:
+def figure_5_reading(study: Study) -> str:
     """How mean, 1X and 2X grow on the first leg."""
-    start, end = study.orbits[0.0], study.orbits[8.9]
+    branch, start, end = study.branch, study.orbits[0.0], study.orbits[8.9]
     marks = [f"{microns(study.orbits[p].amplitudes[0, 0])} at {quoted(study, p)}"
              for p in (0.0, 4.0, 8.0, 8.9)]
-    last = (f"the first fold, at {percent(study.branch.folds[0].value, 4)}" if study.branch.folds
-            else
-            f"the end of the branch, at {percent(study.branch.static_eccentricity[-1], 4)}")
+    last = (f"the first fold, at {percent(branch.folds[0].value, 4)}" if branch.folds else
+            f"the end of the branch, at {percent(branch.static_eccentricity[-1], 4)}")
+    second = [100 * second_share(study.orbits[p].coefficients) for p in (4.0, 8.9)]
     return (f"Up to {last} static eccentricity: 1X in x (0-to-peak) is {listed(marks)}, "
             f"{end.amplitudes[0, 0] / start.amplitudes[0, 0]:.2f} times that at 0 %; the mean in x "
-            "is "
-            f"{microns(abs(end.mean[0]))} at {quoted(study, 8.9)}; 2X is "
-            f"{100 * second_share(study.orbits[4.0].coefficients):.1f} % of 1X at "
-            f"{quoted(study, 4.0)} and {100 * second_share(end.coefficients):.1f} % at "
-            f"{quoted(study, 8.9)}.")
+            f"is {microns(abs(end.mean[0]))} at {quoted(study, 8.9)}; 2X is {second[0]:.1f} % of "
+            f"1X at {quoted(study, 4.0)} and {second[1]:.1f} % at {quoted(study, 8.9)}.")
 
 
-def figure_6_reading(study: StudyResult) -> str:
+def figure_6_reading(study: Study) -> str:
     """How far the orbit travels, how round it is, and where it has a loop."""
     orbits = [study.orbits[p] for p in EVOLUTION]
     ratios = [f"{ellipse(study.orbits[p].coefficients).ratio:.2f} at {quoted(study, p)}"
               for p in (0.0, 5.0, 7.0, 8.9)]
     looped = [quoted(study, p) for p, o in zip(EVOLUTION, orbits, strict=True)
-              if self_crossings(o.positions(PHASE))]
-    travelled = 1e3 * float(np.hypot(*(orbits[-1].mean - orbits[0].mean)))
+              if self_crossings(o.positions(PERIOD))]
+    travelled = MM * float(np.hypot(*(orbits[-1].mean - orbits[0].mean)))
     loops = f"the orbit crosses itself at {listed(looped)}" if looped else "no orbit crosses itself"
     return (f"From 0 to {quoted(study, EVOLUTION[-1])} static eccentricity the orbit at the "
-            "generator travels "
-            f"{travelled:.2f} mm towards the smallest gap; the axes of its 1X ellipse have the "
-            "ratio "
-            f"{listed(ratios)}; {loops}.")
+            f"generator travels {travelled:.2f} mm towards the smallest gap; the axes of its 1X "
+            f"ellipse have the ratio {listed(ratios)}; {loops}.")
 
 
-def figure_7_reading(study: StudyResult) -> str:
+def figure_7_reading(study: Study) -> str:
     """The mean bend and the largest 1X over the whole rotor."""
-    nodes = range(len(study.model.depths))
-
-    def largest(p: float) -> tuple[float, float]:
-        found = [study.orbits[p].node_coefficients(n)
-                 for n in nodes] + [study.orbits[p].coefficients]
-        return max(math.hypot(*c[:, 0]) for c in found), max(ellipse(c).major for c in found)
-
-    said = [f"{microns(mean)} and {microns(first)} at {quoted(study, p)}"
-            for p, (mean, first) in zip(
-        ROTOR, map(largest, ROTOR), strict=True)]
-    return f"Largest mean displacement and largest 1X (0-to-peak, long half axis) of the rotor: {', '.join(said)}."
+    said = []
+    for p in ROTOR:
+        orbit = study.orbits[p]
+        found = [*map(orbit.node_coefficients, range(len(study.model.depths))), orbit.coefficients]
+        mean = max(math.hypot(*c[:, 0]) for c in found)
+        first = max(ellipse(c).major for c in found)
+        said.append(f"{microns(mean)} and {microns(first)} at {quoted(study, p)}")
+    return ("Largest mean displacement and largest 1X (0-to-peak, long half axis) of the rotor: "
+            f"{', '.join(said)}.")
 
 
 def outcome(trajectory: Trajectory) -> str:
@@ -188,157 +167,179 @@ def outcome(trajectory: Trajectory) -> str:
     return "the motion stays in the gap and does not repeat"
 
 
-def figure_8_reading(study: StudyResult, stability: Sequence[Floquet]) -> str:
+def figure_8_reading(study: Study, stability: Sequence[Floquet]) -> str:
     """Folds, stability, and what integration finds beyond the last orbit that the paper shows."""
-    branch, beyond = study.branch, study.beyond
-    folds = (f"The branch folds at {listed(percent(f.value, 4) for f in branch.folds)} static "
-             "eccentricity"
-             if branch.folds else "The branch has no fold")
+    branch = study.branch
+    folds = [percent(fold.value, 4) for fold in branch.folds]
+    turns = (f"The branch folds at {listed(folds)} static eccentricity" if folds
+             else "The branch has no fold")
     there = [f"{f.verdict} (largest multiplier "
              f"{f'{f.largest:.2f}' if f.largest < 100 else 'above 100'})"
              for _, f in study.beyond_orbits]
-    states = f"it has {len(there)} steady state{'s' * (len(there) > 1)}, {listed(there)}" if there else (
-        "it has no steady state" if study.eccentricity(BEYOND) < branch.static_eccentricity.max()
-        or branch.folds else
-        "nothing is known of it, for it was followed no further")
-    return (f"{folds}; {stability_sentence(branch, stability)}. At {quoted(study, BEYOND)} "
-            f"{states}; started there on "
-            f"the {quoted(study, 8.9)} orbit, {outcome(beyond)}.")
-
-
-ELEVATION = math.radians(38)  # of the eye above the plane of an orbit
-# inches that names, titles, labels and legend take beside and above the four panels
-BESIDE, ABOVE = 3.6, 2.1
-DRAWN_SHARE = 0.25  # the largest displacement is drawn at most this share of the rotor's length
-
-
-def body_coefficients(machine: Machine, orbit: PeriodicOrbit, name: str) -> NDArray:
-    """[mean, sin 1, cos 1, …] of x and z at the centre of a body, through its rigid link, m, shape
-    (2, 2m + 1).
-    """
-    body = machine.body(name)
-    dofs = orbit.model.shaft_map @ orbit.shaft
-    per_node = len(dofs) // len(orbit.model.depths)
-    node = dofs[per_node * body.node:per_node * (body.node + 1)]
-    return (rigid_link(body.offset)[:2, :per_node] if per_node == 4 else np.eye(2)) @ node
-
-
-def path_of(coefficients: NDArray, phase: NDArray = REVOLUTION) -> NDArray:
-    """Positions (x, z) at the phases Ωt from [mean, sin 1, cos 1, …], m, shape (2, len(phase))."""
-    k = np.arange(1, coefficients.shape[1] // 2 + 1)[:, None]
-    return coefficients[:, :1] + coefficients[:, 1::2] @ np.sin(k * phase) + coefficients[:, 2::2] @ np.cos(k * phase)
-
-
-def rotor_stations(machine: Machine, orbit: PeriodicOrbit) -> tuple[NDArray, NDArray]:
-    """Depths (m) and coefficients (m) of the shaft's nodes and, after them, of the bodies' centres.
-    """
-    depths = [*orbit.model.depths, *(orbit.model.depths[b.node] + b.offset for b in machine.bodies)]
-    nodes = [orbit.node_coefficients(i) for i in range(len(orbit.model.depths))]
-    return np.array(depths), np.array(nodes + [body_coefficients(machine, orbit, b.name)
-                                               for b in machine.bodies])
-
-
-def exaggeration(paths: NDArray, length: float) -> float:
-    """A round factor (1, 2 or 5 times a power of ten) that draws the largest displacement large but
-    not too large.
-    """
-    most = DRAWN_SHARE * length / float(np.hypot(*np.moveaxis(paths, -2, 0)).max())
-    power = 10.0 ** math.floor(math.log10(most))
-    return max(f * power for f in (1, 2, 5) if f * power <= most)
-
-
-def on_page(path: NDArray, depth: NDArray | float, factor: float) -> tuple[NDArray, NDArray]:
-    """Where points (x, z), m, at a depth are drawn: x in mm, and a depth in m that z lifts."""
-    return MM * path[0], depth - factor * math.tan(ELEVATION) * path[1]
-
-
-def draw_bearings(axes: Axes, machine: Machine, half_width: float) -> None:
-    """Radial bearings as wedges from both sides, thrust bearings as a bar across; half_width in mm
-    of the axes.
-    """
-    nodes = machine.shaft.nodes
-    for bearing in machine.bearings:
-        for side, marker in ((-1, ">"), (1, "<")):
-            axes.plot(side * half_width, nodes[bearing.node], marker, color=COLOURS["bearing"],
-                      markersize=14, zorder=1)
-    for bearing in machine.thrust_bearings:
-        axes.plot([-1.4 * half_width, 1.4 * half_width], [nodes[bearing.node]] * 2,
-                  color=COLOURS["bearing"],
-                  linewidth=6, solid_capstyle="butt", zorder=1)
-
-
-def name_parts(axes: Axes, machine: Machine) -> None:
-    """The names of bodies and bearings on the right side of a panel, at their depths; close ones
-    share a line.
-    """
-    nodes = machine.shaft.nodes
-    parts = [(nodes[b.node], b.name) for b in (*machine.bearings, *machine.thrust_bearings)]
-    parts += [(nodes[b.node] + b.offset, b.name) for b in machine.bodies]
-    lines: list[tuple[float, str]] = []
-    for y, name in sorted(parts):
-        if lines and y - lines[-1][0] < 0.03 * machine.shaft.length:
-            lines[-1] = (lines[-1][0], f"{lines[-1][1]}, {name}")
-        else:
-            lines.append((y, name))
-    right = axes.secondary_yaxis("right")
-    depths, names = zip(*lines, strict=True)
-    # Matplotlib would read $…$ as a formula
-    right.set_yticks(depths, [name.replace("$", r"\$") for name in names])
-    right.spines["right"].set_visible(False)
-    right.tick_params(length=0)
-
-
-def draw_rotor(axes: Axes, machine: Machine, orbit: PeriodicOrbit, factor: float) -> None:
-    """Draw the bent rotor: its axis without forces, its mean line, and every orbit with the rotor
-    at Ωt = 0.
-
-    Lines run along the shaft, and from a node to the centre of each body on a link.
-    """
-    depths, coefficients = rotor_stations(machine, orbit)
-    nodes = len(orbit.model.depths)
-    axes.plot([0, 0], [depths.min(), depths.max()], "-.", color=COLOURS["axis"], linewidth=1.2,
-              label="bearing axis")
-    for i, (depth, c) in enumerate(zip(depths, coefficients, strict=True)):
-        axes.plot(*on_page(path_of(c), depth, factor), color=COLOURS["rotor"],
-                  linewidth=1.3 if i < nodes else 2.8)
-    now = np.array([path_of(c, np.zeros(1))[:, 0] for c in coefficients]).T
-    lines = [range(nodes), *((b.node, nodes + i) for i, b in enumerate(machine.bodies) if b.offset)]
-    for i, line in enumerate(lines):
-        at = list(line)
-        words = ("rotor at Ωt = 0, with its orbits", "mean line") if i == 0 else ("", "")
-        axes.plot(*on_page(now[:, at], depths[at], factor), "o-", color=COLOURS["rotor"],
-                  linewidth=1.3, markersize=4,
-                  label=words[0])
-        axes.plot(*on_page(coefficients[at, :, 0].T, depths[at], factor), color=COLOURS["mean"],
-                  linewidth=3,
-                  label=words[1])
-
-
-def draw_z(axes: Axes, x: float, depth: float, factor: float, largest: float) -> None:
-    """An arrow along z, away from the reader, of a round length; x in mm, depth and the largest
-    displacement in m.
-    """
-    length = 10.0 ** math.floor(math.log10(largest))
-    tail = np.array([[x / MM], [0.0]])
-    start, end = (on_page(tail + [[0.0], [z]], depth, factor) for z in (0.0, length))
-    axes.annotate("", xy=(end[0][0], end[1][0]), xytext=(start[0][0], start[1][0]),
-                  arrowprops={"arrowstyle": "-|>", "color": COLOURS["axis"], "shrinkA": 0,
-                              "shrinkB": 0,
-                              "linewidth": 1.6})
-    axes.annotate(f"z: {MM * length:g} mm", (end[0][0], end[1][0]), xytext=(0, 5),
-                  textcoords="offset points",
-                  ha="center", fontsize=12, color=COLOURS["axis"])
+    if there:
+        states = f"it has {len(there)} steady state{'s' * (len(there) > 1)}, {listed(there)}"
+    elif branch.folds or study.eccentricity(BEYOND) < branch.static_eccentricity.max():
+        states = "it has no steady state"
+    else:
+        states = "nothing is known of it, for it was followed no further"
+    return (f"{turns}; {stability_sentence(branch, stability)}. At {quoted(study, BEYOND)} "
+            f"{states}; started there on the {quoted(study, 8.9)} orbit, {outcome(study.beyond)}.")
 
 
 @house_style()
-def figure_7(study: StudyResult) -> Picture:
+def figure_3(study: Study) -> Picture:
+    """Orbits at 8.8 %: harmonic balance, and the three last periods of direct integration."""
+    _, path, balance = validation(study)
+    orbit = study.orbits[VALIDATION]
+    figure = new_figure(12, 6)
+    near, far = figure.subplots(1, 2, width_ratios=(1.6, 1))
+    plane(near, f"Orbit at {quoted(study, VALIDATION)} static eccentricity")
+    around = orbit.positions(REVOLUTION)
+    draw_orbit(near, around, COLOURS["harmonic balance"], width=7, sense=False,
+               label=f"harmonic balance, {orbit.harmonics} harmonics")
+    near.plot(*(MM * path), "--", color=COLOURS["integration"], linewidth=1.6,
+              label="direct integration, last 3 revolutions")
+    draw_sense(near, around, COLOURS["integration"], "Ωt = 0")
+    frame(near, balance, 0.3)
+    near.legend(loc="upper left")
+    plane(far, "Where it lies in the gap")
+    draw_gap(far, orbit.centre, study.model)
+    draw_orbit(far, around, COLOURS["harmonic balance"], sense=False)
+    frame_gap(far, orbit.centre, study.model.gap)
+    return Picture(figure, figure_3_reading(study))
+
+
+@house_style()
+def figure_4(study: Study) -> Picture:
+    """x(t) and z(t) over the last three periods by both methods, and what is between them."""
+    times, path, balance = validation(study)
+    figure = new_figure(12, 8)
+    top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(1.2, 1.2, 1))
+    for axes, name, b, p in zip((top, middle), "xz", balance, path, strict=True):
+        axes.plot(times, MM * b, color=COLOURS["harmonic balance"], linewidth=7,
+                  label="harmonic balance")
+        axes.plot(times, MM * p, "--", color=COLOURS["integration"], linewidth=1.6,
+                  label="direct integration")
+        axes.set_ylabel(f"{name}, mm")
+    for name, line, b, p in zip("xz", ("-", "--"), balance, path, strict=True):
+        bottom.plot(times, UM * (b - p), line, color=COLOURS[name], linewidth=1.8,
+                    label=f"difference in {name}")
+    largest = 1.15 * UM * float(np.abs(balance - path).max()) or 1.0
+    bottom.set_ylim(-largest, largest)
+    bottom.set_ylabel("difference, µm")
+    bottom.set_xlabel("time, s")
+    bottom.set_xlim(times[0], times[-1])
+    figure.suptitle(f"Rotor centre at {quoted(study, VALIDATION)} static eccentricity, last three "
+                    "revolutions")
+    for axes in (top, bottom):
+        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0.2)
+    figure.align_ylabels()
+    return Picture(figure, figure_4_reading(study))
+
+
+def first_leg(study: Study) -> list[PeriodicOrbit]:
+    """Steady states from zero eccentricity to the first fold (or the end), each solved for, and the
+    last one there.
+
+    They lie evenly along the branch, so that they crowd where it turns up; each is looked for on
+    the smooth curve.
+    """
+    branch = study.branch
+    smooth, eq = curve(branch), branch.equations
+    last = smooth.at_folds[0] if branch.folds else smooth.at_points[branch.first_leg.stop - 1]
+    eccentricity, coefficients = smooth(np.linspace(0.0, last, LEG_POINTS)[:-1])
+    orbits = [branch[0]]
+    for value, guess in zip(eccentricity[1:], coefficients[1:], strict=True):
+        centre = value * study.model.gap * branch.direction
+        found = newton(lambda y, centre=centre: eq.linearise(y, centre), guess.ravel() / eq.length)
+        if found.converged:
+            orbits.append(orbit_from(eq, float(value), centre, found))
+    return [*orbits, branch.at_fold(0) if branch.folds else branch[branch.first_leg.stop - 1]]
+
+
+@house_style()
+def figure_5(study: Study) -> Picture:
+    """Mean and harmonics of x and of z over the static eccentricity, up to the first fold, on two
+    scales.
+    """
+    orbits = first_leg(study)
+    eccentricity = [100 * orbit.static_eccentricity for orbit in orbits]
+    figure = new_figure(12, 9)
+    panels = figure.subplots(2, 2, sharex=True, sharey="row")
+    for column, name in enumerate("xz"):
+        parts = {"mean": [abs(o.mean[column]) for o in orbits]}
+        for k in range(1, min(4, orbits[0].harmonics) + 1):
+            parts[f"{k}X"] = [o.amplitudes[column, k - 1] for o in orbits]
+        # a logarithmic scale has no 0 %
+        for axes, first in zip(panels[:, column], (0, 1), strict=True):
+            for part, values in parts.items():
+                axes.plot(eccentricity[first:], UM * np.array(values[first:]), LINES[part],
+                          color=COLOURS[part], label=part, linewidth=2.6)
+            if study.branch.folds:
+                axes.axvline(100 * study.branch.folds[0].value, color=COLOURS["stator"],
+                             linewidth=1.2, zorder=0)
+        panels[0, column].set_title(f"{name}: {'along' if name == 'x' else 'across'} the "
+                                    "eccentricity")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("mean and amplitudes, µm (0-to-peak)")
+    panels[0, 0].set_ylim(bottom=0)
+    panels[1, 0].set_yscale("log")
+    panels[1, 0].yaxis.set_major_formatter("{x:g}")
+    panels[1, 0].set_ylim(SMALLEST_SHOWN, 3 * panels[0, 0].get_ylim()[1])
+    panels[0, 0].set_xlim(0, 1.02 * eccentricity[-1])
+    figure.supxlabel("static eccentricity, % of the gap"
+                     + (" (line: first fold)" if study.branch.folds else ""))
+    panels[0, 0].legend(loc="upper left")
+    return Picture(figure, figure_5_reading(study))
+
+
+@house_style()
+def figure_6(study: Study) -> Picture:
+    """Orbits at the generator as the eccentricity grows: as they travel, and each one centred on
+    its mean.
+    """
+    orbits = [study.orbits[p] for p in EVOLUTION]
+    paths = [orbit.positions(REVOLUTION) for orbit in orbits]
+    colours = eccentricity_colours(len(orbits))
+    figure = new_figure(12, 10)
+    grid = figure.add_gridspec(3, 4, height_ratios=(1.5, 1, 1))
+    travel, gap = figure.add_subplot(grid[0, :3]), figure.add_subplot(grid[0, 3])
+    for axes, title in ((travel, "As they travel (+: bearing axis)"),
+                        (gap, "In the gap (circle: contact)")):
+        plane(axes, title)
+        for path, colour, p in zip(paths, colours, EVOLUTION, strict=True):
+            draw_orbit(axes, path, colour, sense=False, width=2.2 if axes is travel else 1.2,
+                       label=quoted(study, p))
+    draw_axis(travel)
+    frame(travel, np.hstack(paths), 0.04)
+    travel.legend(loc="lower right", ncols=4, handlelength=1.2, columnspacing=1.2)
+    draw_gap(gap, orbits[-1].centre, study.model, label=False)
+    frame(gap, orbits[-1].centre[:, None] + study.model.gap * np.array([[-1, 1], [-1, 1]]), 0.04)
+    centred = [path - orbit.mean[:, None] for path, orbit in zip(paths, orbits, strict=True)]
+    reach = 1.1 * MM * np.abs(centred).max(axis=(0, 2))
+    height = max(reach[1], reach[0] / WIDE)
+    small = grid[1:, :].subgridspec(2, 4).subplots(sharex=True, sharey=True)
+    for axes, path, colour, p in zip(small.flat, centred, colours, EVOLUTION, strict=True):
+        plane(axes, quoted(study, p))
+        draw_orbit(axes, path, colour)
+        axes.set_aspect("equal", adjustable="box")
+        axes.set_xlim(-WIDE * height, WIDE * height)
+        axes.set_ylim(-height, height)
+        axes.label_outer()
+        axes.set_xlabel("x − mean, mm" if axes in small[1] else "")
+        axes.set_ylabel("z − mean, mm" if axes in small[:, 0] else "")
+    return Picture(figure, figure_6_reading(study))
+
+
+@house_style()
+def figure_7(study: Study) -> Picture:
     """The rotor at 1, 5, 7 and 8.9 %, bent, with the orbits of all nodes; a machine without a
     shaft: its orbits.
     """
     if study.machine.shaft is None:
         return orbits_only(study)
     stations = [rotor_stations(study.machine, study.orbits[p]) for p in ROTOR]
-    paths = np.array([[path_of(c) for c in coefficients] for _, coefficients in stations])
+    paths = synthesise(np.array([coefficients for _, coefficients in stations]), REVOLUTION)
     depths = stations[0][0]
     length = float(np.ptp(depths))
     factor = exaggeration(paths, length)
@@ -371,7 +372,7 @@ def figure_7(study: StudyResult) -> Picture:
     return Picture(figure, figure_7_reading(study))
 
 
-def orbits_only(study: StudyResult) -> Picture:
+def orbits_only(study: Study) -> Picture:
     """Figure 7 of a machine that is one point: its orbits at the same eccentricities, on one scale.
     """
     paths = [study.orbits[p].positions(REVOLUTION) for p in ROTOR]
@@ -390,12 +391,8 @@ def orbits_only(study: StudyResult) -> Picture:
     return Picture(figure, figure_7_reading(study))
 
 
-SHOWN = 40  # revolutions of a motion that stays in the gap
-LAST = 3  # of these, and of any other such motion, the orbit of the last ones
-
-
 @house_style()
-def figure_8(study: StudyResult, stability: Sequence[Floquet] | None = None) -> Picture:
+def figure_8(study: Study, stability: Sequence[Floquet] | None = None) -> Picture:
     """The whole branch with its stability, and what direct integration finds just beyond the
     paper's last orbit.
 
@@ -414,15 +411,14 @@ def figure_8(study: StudyResult, stability: Sequence[Floquet] | None = None) -> 
     return Picture(figure, figure_8_reading(study, stability))
 
 
-def _draw_folds(axes: Axes, study: StudyResult, stability: Sequence[Floquet]) -> None:
+def _draw_folds(axes: Axes, study: Study, stability: Sequence[Floquet]) -> None:
     """1X over the eccentricity, from a little before everything that lies past the first fold."""
     branch = study.branch
     draw_branch(axes, branch, lambda c: first_along(branch, c), stability)
     last = study.natural[len(study.natural) - 1]
-    axes.plot(100 * last.static_eccentricity, UM * last.amplitudes[0, 0], "s",
-              color=COLOURS["harmonic balance"],
-              markeredgecolor="black", markersize=9, label="last orbit of the paper's procedure",
-              zorder=6)
+    axes.plot(100 * last.static_eccentricity, UM * last.amplitudes[0, 0], "s", markersize=9,
+              color=COLOURS["harmonic balance"], markeredgecolor="black", zorder=6,
+              label="last orbit of the paper's procedure")
     axes.axvline(100 * study.eccentricity(BEYOND), color=COLOURS["stator"], linewidth=1.4, zorder=0)
     later = 100 * branch.static_eccentricity[branch.first_leg.stop:]
     left = later.min() - 0.8 * np.ptp(later) if len(later) else 0.0
@@ -433,7 +429,7 @@ def _draw_folds(axes: Axes, study: StudyResult, stability: Sequence[Floquet]) ->
     axes.set_title("The branch past its folds" if branch.folds else "The branch")
 
 
-def _draw_gap_left(axes: Axes, study: StudyResult) -> None:
+def _draw_gap_left(axes: Axes, study: Study) -> None:
     """The smallest gap in time: to contact, or over the first revolutions of a motion that stays in
     the gap.
     """
@@ -453,7 +449,7 @@ def _draw_gap_left(axes: Axes, study: StudyResult) -> None:
     axes.set_title(f"Started at {quoted(study, BEYOND)} on the {quoted(study, 8.9)} orbit")
 
 
-def _draw_motion(axes: Axes, study: StudyResult) -> None:
+def _draw_motion(axes: Axes, study: Study) -> None:
     """The motion in the plane, with where it started and the steady states that the branch has
     there.
     """
@@ -466,174 +462,22 @@ def _draw_motion(axes: Axes, study: StudyResult) -> None:
     for orbit, floquet in study.beyond_orbits:
         shown.append(orbit.positions(REVOLUTION))
         draw_orbit(axes, shown[-1], COLOURS[floquet.verdict], line=LINES[floquet.verdict],
-                   sense=False,
-                   width=5 if floquet.verdict == "stable" else 1.8,
+                   sense=False, width=5 if floquet.verdict == "stable" else 1.8,
                    label=f"{floquet.verdict} steady state")
     if beyond.finished:
-        path, words = beyond.last(min(LAST,
-                                      beyond.revolutions))[1], f"integration, last {LAST} revolutions"
-        axes.plot(*(MM * path), "--", color=COLOURS["integration"], linewidth=1.4, label=words)
+        path = beyond.last(min(LAST, beyond.revolutions))[1]
+        axes.plot(*(MM * path), "--", color=COLOURS["integration"], linewidth=1.4,
+                  label=f"integration, last {LAST} revolutions")
     else:
         path = beyond.positions
         axes.plot(*(MM * path), color=COLOURS["integration"], linewidth=1.0,
                   label="integration, to contact")
         draw_arrow(axes, path, COLOURS["integration"], at=1.0)
-    draw_gap(axes, beyond.centre, study.model.gap)
+    draw_gap(axes, beyond.centre, study.model)
     frame(axes, np.hstack([path, *shown]), 0.08)
 
 
-LEG_POINTS = 161  # steady states that Figure 5 is drawn through
-WIDE = 1.35  # width over height of the small panels of Figure 6
-SMALLEST_SHOWN = 1e-2  # µm; below it an amplitude is not worth a decade of the logarithmic panels
-
-
-@house_style()
-def figure_3(study: StudyResult) -> Picture:
-    """Orbits at 8.8 %: harmonic balance, and the three last periods of direct integration."""
-    _, path, balance = validation(study)
-    orbit = study.orbits[VALIDATION]
-    figure = new_figure(12, 6)
-    near, far = figure.subplots(1, 2, width_ratios=(1.6, 1))
-    plane(near, f"Orbit at {quoted(study, VALIDATION)} static eccentricity")
-    around = orbit.positions(REVOLUTION)
-    draw_orbit(near, around, COLOURS["harmonic balance"], width=7, sense=False,
-               label=f"harmonic balance, {orbit.harmonics} harmonics")
-    near.plot(*(MM * path), "--", color=COLOURS["integration"], linewidth=1.6,
-              label="direct integration, last 3 revolutions")
-    draw_sense(near, around, COLOURS["integration"], "Ωt = 0")
-    frame(near, balance, 0.3)
-    near.legend(loc="upper left")
-    plane(far, "Where it lies in the gap")
-    draw_gap(far, orbit.centre, study.model.gap)
-    draw_orbit(far, around, COLOURS["harmonic balance"], sense=False)
-    frame_gap(far, orbit.centre, study.model.gap)
-    return Picture(figure, figure_3_reading(study))
-
-
-@house_style()
-def figure_4(study: StudyResult) -> Picture:
-    """x(t) and z(t) over the last three periods by both methods, and what is between them."""
-    times, path, balance = validation(study)
-    figure = new_figure(12, 8)
-    top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(1.2, 1.2, 1))
-    for axes, name, b, p in zip((top, middle), "xz", balance, path, strict=True):
-        axes.plot(times, MM * b, color=COLOURS["harmonic balance"], linewidth=7,
-                  label="harmonic balance")
-        axes.plot(times, MM * p, "--", color=COLOURS["integration"], linewidth=1.6,
-                  label="direct integration")
-        axes.set_ylabel(f"{name}, mm")
-    for name, line, b, p in zip("xz", ("-", "--"), balance, path, strict=True):
-        bottom.plot(times, UM * (b - p), line, color=COLOURS[name], linewidth=1.8,
-                    label=f"difference in {name}")
-    largest = 1.15 * UM * float(np.abs(balance - path).max()) or 1.0
-    bottom.set_ylim(-largest, largest)
-    bottom.set_ylabel("difference, µm")
-    bottom.set_xlabel("time, s")
-    bottom.set_xlim(times[0], times[-1])
-    figure.suptitle(f"Rotor centre at {quoted(study, VALIDATION)} static eccentricity, last three "
-                    "revolutions")
-    for axes in (top, bottom):
-        axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0.2)
-    figure.align_ylabels()
-    return Picture(figure, figure_4_reading(study))
-
-
-def first_leg(study: StudyResult) -> list[PeriodicOrbit]:
-    """Steady states from zero eccentricity to the first fold (or the end), each solved for, and the
-    last one there.
-
-    They lie evenly along the branch, so that they crowd where it turns up; each is looked for on
-    the smooth curve.
-    """
-    branch = study.branch
-    smooth, eq = curve(branch), branch.equations
-    last = smooth.at_folds[0] if branch.folds else smooth.at_points[branch.first_leg.stop - 1]
-    eccentricity, coefficients = smooth(np.linspace(0.0, last, LEG_POINTS)[:-1])
-    orbits = [branch[0]]
-    for value, guess in zip(eccentricity[1:], coefficients[1:], strict=True):
-        centre = value * study.model.gap * branch.direction
-        found = newton(lambda y, centre=centre: eq.linearise(y, centre), guess.ravel() / eq.length)
-        if found.converged:
-            orbits.append(orbit_from(eq, float(value), centre, found))
-    return [*orbits, branch.at_fold(0) if branch.folds else branch[branch.first_leg.stop - 1]]
-
-
-@house_style()
-def figure_5(study: StudyResult) -> Picture:
-    """Mean and harmonics of x and of z over the static eccentricity, up to the first fold, on two
-    scales.
-    """
-    orbits = first_leg(study)
-    eccentricity = [100 * orbit.static_eccentricity for orbit in orbits]
-    figure = new_figure(12, 9)
-    panels = figure.subplots(2, 2, sharex=True, sharey="row")
-    for column, name in enumerate("xz"):
-        parts = {"mean": [abs(o.mean[column]) for o in orbits]}
-        for k in range(1, min(4, orbits[0].harmonics) + 1):
-            parts[f"{k}X"] = [o.amplitudes[column, k - 1] for o in orbits]
-        # a logarithmic scale has no 0 %
-        for axes, first in zip(panels[:, column], (0, 1), strict=True):
-            for part, values in parts.items():
-                axes.plot(eccentricity[first:], UM * np.array(values[first:]), LINES[part],
-                          color=COLOURS[part],
-                          label=part, linewidth=2.6)
-            if study.branch.folds:
-                axes.axvline(100 * study.branch.folds[0].value, color=COLOURS["stator"],
-                             linewidth=1.2, zorder=0)
-        panels[0, column].set_title(f"{name}: {'along' if name == 'x' else 'across'} the "
-                                    "eccentricity")
-    for axes in panels[:, 0]:
-        axes.set_ylabel("mean and amplitudes, µm (0-to-peak)")
-    panels[0, 0].set_ylim(bottom=0)
-    panels[1, 0].set_yscale("log")
-    panels[1, 0].yaxis.set_major_formatter("{x:g}")
-    panels[1, 0].set_ylim(SMALLEST_SHOWN, 3 * panels[0, 0].get_ylim()[1])
-    panels[0, 0].set_xlim(0, 1.02 * eccentricity[-1])
-    figure.supxlabel("static eccentricity, % of the gap"
-                     + (" (line: first fold)" if study.branch.folds else ""))
-    panels[0, 0].legend(loc="upper left")
-    return Picture(figure, figure_5_reading(study))
-
-
-@house_style()
-def figure_6(study: StudyResult) -> Picture:
-    """Orbits at the generator as the eccentricity grows: as they travel, and each one centred on
-    its mean.
-    """
-    orbits = [study.orbits[p] for p in EVOLUTION]
-    paths = [orbit.positions(REVOLUTION) for orbit in orbits]
-    colours = eccentricity_colours(len(orbits))
-    figure = new_figure(12, 10)
-    grid = figure.add_gridspec(3, 4, height_ratios=(1.5, 1, 1))
-    travel, gap = figure.add_subplot(grid[0, :3]), figure.add_subplot(grid[0, 3])
-    for axes, title in ((travel, "As they travel (+: bearing axis)"),
-                        (gap, "In the gap (circle: contact)")):
-        plane(axes, title)
-        for path, colour, p in zip(paths, colours, EVOLUTION, strict=True):
-            draw_orbit(axes, path, colour, sense=False, width=2.2 if axes is travel else 1.2,
-                       label=quoted(study, p))
-    draw_axis(travel)
-    frame(travel, np.hstack(paths), 0.04)
-    travel.legend(loc="lower right", ncols=4, handlelength=1.2, columnspacing=1.2)
-    draw_gap(gap, orbits[-1].centre, study.model.gap, label=False)
-    frame(gap, orbits[-1].centre[:, None] + study.model.gap * np.array([[-1, 1], [-1, 1]]), 0.04)
-    centred = [path - orbit.mean[:, None] for path, orbit in zip(paths, orbits, strict=True)]
-    reach = 1.1 * MM * np.abs(centred).max(axis=(0, 2))
-    height = max(reach[1], reach[0] / WIDE)
-    small = grid[1:, :].subgridspec(2, 4).subplots(sharex=True, sharey=True)
-    for axes, path, colour, p in zip(small.flat, centred, colours, EVOLUTION, strict=True):
-        plane(axes, quoted(study, p))
-        draw_orbit(axes, path, colour)
-        axes.set_aspect("equal", adjustable="box")
-        axes.set_xlim(-WIDE * height, WIDE * height)
-        axes.set_ylim(-height, height)
-        axes.label_outer()
-        axes.set_xlabel("x − mean, mm" if axes in small[1] else "")
-        axes.set_ylabel("z − mean, mm" if axes in small[:, 0] else "")
-    return Picture(figure, figure_6_reading(study))
-
-
-def study_pictures(study: StudyResult) -> dict[str, Picture]:
+def study_pictures(study: Study) -> dict[str, Picture]:
     """All figures of the study by their name, "figure-3" to "figure-8"."""
     makers = (figure_3, figure_4, figure_5, figure_6, figure_7, figure_8)
     return {f"figure-{number}": make(study) for number, make in enumerate(makers, 3)}

@@ -13,12 +13,10 @@ from itertools import groupby, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.harmonics import ellipse, largest_vibration
+from hydrolab.dynamics.harmonics import PERIOD, ellipse, largest_vibration
 from hydrolab.dynamics.modes import Modes
 from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory
 from hydrolab.dynamics.stability import Floquet
-
-PHASE = 2 * np.pi * np.arange(360) / 360
 
 
 def percent(fraction: float, digits: int = 3) -> str:
@@ -42,14 +40,17 @@ def listed(items: Iterable[str]) -> str:
 
 def vibration(orbit: PeriodicOrbit) -> float:
     """Largest distance of the orbit from its mean, m."""
-    return largest_vibration(orbit.positions(PHASE), orbit.mean)
+    return largest_vibration(orbit.positions(orbit.revolutions * PERIOD), orbit.mean)
 
 
-def second_share(coefficients: NDArray) -> float:
-    """2X over 1X, by the long half axes of their ellipses; 0 where there is no 1X or no 2X."""
-    if coefficients.shape[1] < 5 or not (first := ellipse(coefficients, 1).major):
+def second_share(coefficients: NDArray, first: int = 1) -> float:
+    """2X over 1X, by the long half axes of their ellipses; 0 where there is no 1X or no 2X.
+
+    coefficients: (2, 2m + 1). first: the harmonic that is 1X, the revolutions in a period.
+    """
+    if coefficients.shape[1] <= 4 * first or not (one := ellipse(coefficients, first).major):
         return 0.0
-    return ellipse(coefficients, 2).major / first
+    return ellipse(coefficients, 2 * first).major / one
 
 
 def along(branch: Branch, coefficients: NDArray | None = None) -> NDArray:
@@ -65,7 +66,24 @@ def first_along(branch: Branch, coefficients: NDArray | None = None) -> NDArray:
     """1X along the eccentricity, m 0-to-peak, shape (points,); by default at the points of the
     branch.
     """
-    return np.hypot(*along(branch, coefficients)[:, 1:3].T)
+    first = branch.equations.revolutions
+    return np.hypot(*along(branch, coefficients)[:, 2 * first - 1:2 * first + 1].T)
+
+
+def direction_words(branch: Branch) -> str:
+    """What `along` is along, in words."""
+    return "along the eccentricity" if math.isfinite(branch.equations.model.gap) else "in x"
+
+
+def followed(branch: Branch) -> str:
+    """The parameter that a branch follows, in words."""
+    return branch.parameter.replace("_", " ")
+
+
+def said(branch: Branch, value: float, digits: int = 3) -> str:
+    """A value of a branch's parameter in words, "8.8 %" of static eccentricity."""
+    return (percent(value, digits) if branch.parameter == "static_eccentricity"
+            else branch.path.say(value, digits))
 
 
 @singledispatch
@@ -79,15 +97,15 @@ def reading(result: object) -> str:
 @reading.register
 def orbit_reading(orbit: PeriodicOrbit) -> str:
     """Where the orbit is, how large each harmonic, and what is left of the gap."""
-    (x1, z1) = orbit.amplitudes[:, 0]
+    first = orbit.revolutions
+    x1, z1 = orbit.amplitudes[:, first - 1]
     gap = "there is no air gap" if not math.isfinite(orbit.model.gap) else (
         f"the smallest gap is {1e3 * orbit.smallest_gap:.3f} mm of {1e3 * orbit.model.gap:.3f} mm")
     return (f"At {percent(orbit.static_eccentricity)} static eccentricity and "
-            f"{orbit.speed * 30 / math.pi:.4g} rpm the "
-            f"mean position of the rotor is {microns(math.hypot(*orbit.mean))} from the bearing "
-            "axis; 1X is "
-            f"{microns(x1)} in x and {microns(z1)} in z (0-to-peak), 2X is "
-            f"{100 * second_share(orbit.coefficients):.1f} % of 1X; {gap}.")
+            f"{orbit.speed * 30 / math.pi:.4g} rpm the mean position of the rotor is "
+            f"{microns(math.hypot(*orbit.mean))} from the bearing axis; 1X is {microns(x1)} in x "
+            f"and {microns(z1)} in z (0-to-peak), 2X is "
+            f"{100 * second_share(orbit.coefficients, first):.1f} % of 1X; {gap}.")
 
 
 def verdicts(branch: Branch, stability: Sequence[Floquet], reach: int = 3) -> list[str]:
@@ -119,27 +137,25 @@ def stability_sentence(branch: Branch, stability: Sequence[Floquet]) -> str:
     folds = {fold.after: fold.value for fold in branch.folds}
 
     def end(row: int, fold: float | None) -> str:
-        return percent(branch.static_eccentricity[row]) if fold is None else f"the fold at {percent(fold, 4)}"
+        return (said(branch, branch.values[row]) if fold is None
+                else f"the fold at {said(branch, fold, 4)}")
 
-    said = [f"from {end(a, folds.get(a - 1))} to {end(b, folds.get(b))}" if b > a
-            else f"at {end(a, None)}"
-            for a, b in stable_runs(verdicts(branch, stability))]
-    if not said:
+    runs = [f"from {end(a, folds.get(a - 1))} to {end(b, folds.get(b))}" if b > a
+            else f"at {end(a, None)}" for a, b in stable_runs(verdicts(branch, stability))]
+    if not runs:
         return "no point of it is stable"
-    return f"it is stable {listed(said)}{' and nowhere else' if len(stability) == len(branch) else ''}"
+    nowhere = " and nowhere else" if len(stability) == len(branch) else ""
+    return f"it is stable {listed(runs)}{nowhere}"
 
 
 @reading.register
 def branch_reading(branch: Branch, stability: Sequence[Floquet] | None = None) -> str:
     """Where the branch goes and folds, how 1X grows, and where it is stable if that is known."""
-    first = first_along(branch)
-    folds = (f"folds at {listed(percent(fold.value, 4) for fold in branch.folds)}" if branch.folds
-             else "has no fold")
-    words = (f"The branch starts at {percent(branch.static_eccentricity[0])} static eccentricity, "
-             f"{folds} and ends at "
-             f"{percent(branch.static_eccentricity[-1])}; 1X along the eccentricity (0-to-peak) "
-             "starts at "
-             f"{microns(first[0])} and is at most {microns(first.max())}")
+    first, folds = first_along(branch), [said(branch, fold.value, 4) for fold in branch.folds]
+    words = (f"The branch starts at {said(branch, branch.values[0])} {followed(branch)}, "
+             f"{f'folds at {listed(folds)}' if folds else 'has no fold'} and ends at "
+             f"{said(branch, branch.values[-1])}; 1X {direction_words(branch)} (0-to-peak) starts "
+             f"at {microns(first[0])} and is at most {microns(first.max())}")
     return f"{words}; {stability_sentence(branch, stability)}." if stability else f"{words}."
 
 
@@ -152,16 +168,16 @@ def trajectory_reading(trajectory: Trajectory) -> str:
     return (f"Over {trajectory.revolutions:.4g} revolutions at "
             f"{trajectory.speed * 30 / math.pi:.4g} rpm and "
             f"{percent(trajectory.static_eccentricity)} static eccentricity the rotor centre ends "
-            f"within {size} of a "
-            f"point {microns(math.hypot(*middle))} from the bearing axis (last revolution). "
-            f"{trajectory.stopped}")
+            f"within {size} of a point {microns(math.hypot(*middle))} from the bearing axis (last "
+            f"revolution). {trajectory.stopped}")
 
 
 @reading.register
 def modes_reading(modes: Modes, shown: int = 4) -> str:
     """The lowest modes: frequency, whirl and damping."""
-    said = [f"{hz:.2f} Hz ({way}, damping ratio {100 * ratio:.1f} %)" for hz, way, ratio in
-            zip(modes.hertz[:shown], modes.direction, modes.damping_ratios, strict=False)]
-    if not said:
-        return f"At {modes.speed * 30 / math.pi:.4g} rpm no mode oscillates."
-    return f"At {modes.speed * 30 / math.pi:.4g} rpm the lowest of {len(modes)} modes are at {listed(said)}."
+    at = f"At {modes.speed * 30 / math.pi:.4g} rpm"
+    lowest = [f"{hz:.2f} Hz ({way}, damping ratio {100 * ratio:.1f} %)" for hz, way, ratio in
+              zip(modes.hertz[:shown], modes.direction, modes.damping_ratios, strict=False)]
+    if not lowest:
+        return f"{at} no mode oscillates."
+    return f"{at} the lowest of {len(modes)} modes are at {listed(lowest)}."

@@ -23,16 +23,15 @@ from hydrolab.errors import BadInput
 from hydrolab.figures.drawing import REVOLUTION
 from hydrolab.figures.orbits import branch_picture, curve, draw_branch, orbit_picture
 from hydrolab.figures.paper_figures import (
-    body_coefficients,
     figure_3,
     figure_6,
     figure_7,
     first_leg,
-    on_page,
     study_pictures,
 )
 from hydrolab.figures.picture import Picture
 from hydrolab.figures.readings import microns, percent, reading, verdicts
+from hydrolab.figures.rotor import body_coefficients, on_page
 from hydrolab.figures.style import COLOURS, LINES, new_figure
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
 from hydrolab.paper.calibration import build

@@ -1,0 +1,146 @@
+"""The whole rotor from the side, bent, with its orbits, and the parts that hold it.
+
+Seen from the side and from above: x is to the right, the depth y points down, and z points away
+from the reader, which an orthographic view from above turns into up. Displacements are exaggerated,
+by the same factor everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from hydrolab.dynamics.harmonics import synthesise
+from hydrolab.dynamics.results import PeriodicOrbit
+from hydrolab.figures.drawing import MM, REVOLUTION
+from hydrolab.figures.style import COLOURS
+from hydrolab.machine.model import rigid_link
+from hydrolab.machine.parts import Machine
+
+ELEVATION = math.radians(38)  # of the eye above the plane of an orbit
+DRAWN_SHARE = 0.25  # the largest displacement is drawn at most this share of the rotor's length
+CLOSE = 0.03  # of the shaft's length: names nearer than this share a line
+
+
+def body_coefficients(machine: Machine, orbit: PeriodicOrbit, name: str) -> NDArray:
+    """[mean, sin 1, cos 1, …] of x and z at the centre of a body, through its rigid link, m, shape
+    (2, 2m + 1).
+    """
+    body = machine.body(name)
+    dofs = orbit.model.shaft_map @ orbit.shaft
+    per_node = len(dofs) // len(orbit.model.depths)
+    node = dofs[per_node * body.node:per_node * (body.node + 1)]
+    return (rigid_link(body.offset)[:2, :per_node] if per_node == 4 else np.eye(2)) @ node
+
+
+def rotor_stations(machine: Machine, orbit: PeriodicOrbit) -> tuple[NDArray, NDArray]:
+    """Depths (m) and coefficients (m) of the shaft's nodes and, after them, of the bodies' centres.
+    """
+    nodes = range(len(orbit.model.depths))
+    depths = [*orbit.model.depths, *(orbit.model.depths[b.node] + b.offset for b in machine.bodies)]
+    return np.array(depths), np.array([*(orbit.node_coefficients(i) for i in nodes),
+                                       *(body_coefficients(machine, orbit, b.name)
+                                         for b in machine.bodies)])
+
+
+def exaggeration(paths: NDArray, length: float) -> float:
+    """A round factor (1, 2 or 5 times a power of ten) that draws the largest displacement large but
+    not too large. paths: m, (…, 2, N). length: of the rotor, m.
+    """
+    most = DRAWN_SHARE * length / float(np.hypot(*np.moveaxis(paths, -2, 0)).max())
+    power = 10.0 ** math.floor(math.log10(most))
+    return max(f * power for f in (1, 2, 5) if f * power <= most)
+
+
+def on_page(path: NDArray, depth: NDArray | float, factor: float) -> tuple[NDArray, NDArray]:
+    """Where points (x, z), m, at a depth are drawn: x in mm, and a depth in m that z lifts."""
+    return MM * path[0], depth - factor * math.tan(ELEVATION) * path[1]
+
+
+def supports(machine: Machine) -> list[tuple[float, str, str]]:
+    """What holds or weakens the shaft, from the top: depth (m), name, and how it is drawn, "radial"
+    for a bearing of any kind that holds it sideways, "across" for one against tilt, "crack".
+    """
+    shaft = machine.shaft
+    found = [(float(shaft.nodes[b.node]), b.name,
+              "across" if b in machine.thrust_bearings else "radial") for b in machine.all_bearings]
+    found += [(float(shaft.nodes[c.element:c.element + 2].mean()), c.name, "crack")
+              for c in machine.cracks]
+    return sorted(found)
+
+
+def draw_bearings(axes: Axes, machine: Machine, half_width: float) -> None:
+    """Radial bearings as wedges from both sides, thrust bearings as a bar across, cracks as a notch
+    on the right; half_width in mm of the axes.
+    """
+    for depth, _, kind in supports(machine):
+        if kind == "radial":
+            for side, marker in ((-1, ">"), (1, "<")):
+                axes.plot(side * half_width, depth, marker, color=COLOURS["bearing"],
+                          markersize=14, zorder=1)
+        elif kind == "across":
+            axes.plot([-1.4 * half_width, 1.4 * half_width], [depth, depth], zorder=1,
+                      color=COLOURS["bearing"], linewidth=6, solid_capstyle="butt")
+        else:
+            axes.plot([0, half_width], [depth, depth], color=COLOURS["unstable"], linewidth=2.5)
+
+
+def name_parts(axes: Axes, machine: Machine) -> None:
+    """The names of bodies, bearings and cracks on the right side of a panel, at their depths; close
+    ones share a line.
+    """
+    parts = [(depth, name) for depth, name, _ in supports(machine)]
+    parts += [(machine.shaft.nodes[b.node] + b.offset, b.name) for b in machine.bodies]
+    lines: list[tuple[float, str]] = []
+    for y, name in sorted(parts):
+        if lines and y - lines[-1][0] < CLOSE * machine.shaft.length:
+            lines[-1] = (lines[-1][0], f"{lines[-1][1]}, {name}")
+        else:
+            lines.append((y, name))
+    right = axes.secondary_yaxis("right")
+    depths, names = zip(*lines, strict=True)
+    # Matplotlib would read $…$ as a formula
+    right.set_yticks(depths, [name.replace("$", r"\$") for name in names])
+    right.spines["right"].set_visible(False)
+    right.tick_params(length=0)
+
+
+def draw_rotor(axes: Axes, machine: Machine, orbit: PeriodicOrbit, factor: float) -> None:
+    """Draw the bent rotor: its axis without forces, its mean line, and every orbit with the rotor
+    at Ωt = 0.
+
+    Lines run along the shaft, and from a node to the centre of each body on a link.
+    """
+    depths, coefficients = rotor_stations(machine, orbit)
+    nodes = len(orbit.model.depths)
+    axes.plot([0, 0], [depths.min(), depths.max()], "-.", color=COLOURS["axis"], linewidth=1.2,
+              label="bearing axis")
+    for i, (depth, path) in enumerate(zip(depths, synthesise(coefficients, REVOLUTION),
+                                          strict=True)):
+        axes.plot(*on_page(path, depth, factor), color=COLOURS["rotor"],
+                  linewidth=1.3 if i < nodes else 2.8)
+    now, mean = synthesise(coefficients, [0.0])[:, :, 0].T, coefficients[:, :, 0].T
+    lines = [range(nodes), *((b.node, nodes + i) for i, b in enumerate(machine.bodies) if b.offset)]
+    for i, line in enumerate(lines):
+        at = list(line)
+        words = ("", "") if i else ("rotor at Ωt = 0, with its orbits", "mean line")
+        axes.plot(*on_page(now[:, at], depths[at], factor), "o-", color=COLOURS["rotor"],
+                  linewidth=1.3, markersize=4, label=words[0])
+        axes.plot(*on_page(mean[:, at], depths[at], factor), color=COLOURS["mean"], linewidth=3,
+                  label=words[1])
+
+
+def draw_z(axes: Axes, x: float, depth: float, factor: float, largest: float) -> None:
+    """An arrow along z, away from the reader, of a round length; x in mm, depth and the largest
+    displacement in m.
+    """
+    length = 10.0 ** math.floor(math.log10(largest))
+    (start, end), (low, high) = on_page(np.array([[x / MM, x / MM], [0.0, length]]), depth, factor)
+    axes.annotate("", xy=(end, high), xytext=(start, low),
+                  arrowprops={"arrowstyle": "-|>", "color": COLOURS["axis"], "shrinkA": 0,
+                              "shrinkB": 0, "linewidth": 1.6})
+    axes.annotate(f"z: {MM * length:g} mm", (end, high), xytext=(0, 5), ha="center", fontsize=12,
+                  textcoords="offset points", color=COLOURS["axis"])
