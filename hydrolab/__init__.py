@@ -21,6 +21,7 @@ from hydrolab.dynamics.reduction import reduce, truncation_error
 from hydrolab.dynamics.slow_change import drift, poincare, sweep_in_time
 from hydrolab.dynamics.solvers import newton, powell_dog_leg
 from hydrolab.dynamics.stability import branch_stability, floquet, stable_orbits_at
+from hydrolab.dynamics.steady_states import branch_off, steady_states
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.cards import card_names, card_text, load_machine, vary
 from hydrolab.machine.pull import CircularPull, LinearPull, ShapedPull
@@ -30,10 +31,11 @@ __version__ = "0.1.0"
 __all__ = [
     "Arclength", "BadInput", "CentralDifference", "CircularPull", "Contact", "HarmonicBalance",
     "LinearPull", "Newmark", "NoConvergence", "RungeKutta", "ShapedPull", "arrivals", "basins",
-    "branch_stability", "campbell", "card_names", "card_text", "drift", "ellipse", "floquet",
-    "follow", "integrate", "integrity", "load_machine", "modes", "newton", "orbits_at", "poincare",
-    "powell_dog_leg", "reduce", "rpm", "self_crossings", "stable_orbits_at", "steady_map", "sweep",
-    "sweep_in_time", "truncation_error", "update_branch", "vary",
+    "branch_off", "branch_stability", "campbell", "card_names", "card_text", "drift", "ellipse",
+    "floquet", "follow", "integrate", "integrity", "load_machine", "modes", "newton", "orbits_at",
+    "poincare", "powell_dog_leg", "reduce", "rpm", "self_crossings", "stable_orbits_at",
+    "steady_map", "steady_states", "sweep", "sweep_in_time", "truncation_error", "update_branch",
+    "vary",
 ]
 
 Speed = TypeVar("Speed", float, NDArray)

@@ -2,10 +2,11 @@
 
 `harmonic_balance` finds a periodic orbit, `branches` follows it through folds with `continuation`,
 `stability` says which orbits last, `batch` solves many at once and `maps` over two parameters.
-`integrate` moves in time, `ensemble` many motions side by side, `slow_change` a parameter while
-they move; `escape` is how they leave. `modes`, `reduction` and
-`equilibrium` are the linear machine; `harmonics` holds sums of harmonics, `results` what comes out.
-A function that bears its module's name, `modes` or `integrate`, is imported from `hydrolab`.
+`steady_states` gathers all that can be found. `integrate` moves in time, `ensemble` many motions
+side by side, `slow_change` a parameter while they move; `escape` is how they leave. `modes`,
+`reduction` and `equilibrium` are the linear machine; `harmonics` holds sums of harmonics, `results`
+what comes out. A function that bears its module's name (`modes`, `integrate`, `steady_states`) is
+imported from `hydrolab`.
 """
 
 from hydrolab.dynamics.branches import Arclength, arclength, follow, locate_fold, orbits_at, sweep
@@ -25,12 +26,13 @@ from hydrolab.dynamics.stability import (
     stable_orbits_at,
     strang_product,
 )
+from hydrolab.dynamics.steady_states import SteadyStates, branch_off
 
 __all__ = [
-    "Arclength", "Branch", "HarmonicBalance", "PeriodicOrbit", "arclength", "arrivals", "basins",
-    "branch_stability", "drift", "ellipse", "equilibrium", "first_guess", "fit", "floquet",
-    "floquet_all", "follow", "fourier_rows", "integrity", "largest_offset", "locate_fold",
-    "orbits_at", "poincare", "rates", "split", "stable_orbits_at", "steady_map", "steady_row",
-    "strang_product",
-    "sweep", "sweep_in_time", "synthesise", "undamped_frequencies",
+    "Arclength", "Branch", "HarmonicBalance", "PeriodicOrbit", "SteadyStates", "arclength",
+    "arrivals", "basins", "branch_off", "branch_stability", "drift", "ellipse", "equilibrium",
+    "first_guess", "fit", "floquet", "floquet_all", "follow", "fourier_rows", "integrity",
+    "largest_offset", "locate_fold", "orbits_at", "poincare", "rates", "split", "stable_orbits_at",
+    "steady_map", "steady_row", "strang_product", "sweep", "sweep_in_time", "synthesise",
+    "undamped_frequencies",
 ]

@@ -87,14 +87,14 @@ class Path:
         h = NEARBY * max(abs(value), 0.01 * self.scale)
         try:
             ahead, behind = self.at(value + h), self.at(value - h)
+            there, back = ahead.centre, behind.centre
         except BadInput:
             return np.full(len(y), np.nan)
         eq, other = ahead.equations, behind.equations
         if eq is other:  # the stator alone moves, and all but the forces cancels
-            forces = eq.forces(y, ahead.centre) - eq.forces(y, behind.centre)
+            forces = eq.forces(y, there) - eq.forces(y, back)
             return -eq.force / (2 * h) * (forces @ eq.analysis).ravel()
-        return (eq.force * eq.residual(y, ahead.centre)
-                - other.force * other.residual(y, behind.centre)) / (2 * h)
+        return (eq.force * eq.residual(y, there) - other.force * other.residual(y, back)) / (2 * h)
 
     def system(self) -> ParametrisedSystem:
         """The residual with its derivatives in (y, value/scale), as `arclength` takes it."""
@@ -365,7 +365,7 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float | 
     along = path(model, parameter, balance, speed, static_eccentricity, direction)
     to = _end(along, to)
     origin = start or balance.solve(model, speed, static_eccentricity, direction=direction)
-    return _balanced(_walk(along, origin, to, method))
+    return _balanced(walk(along, origin, to, method))
 
 
 def _end(along: Path, to: float | None) -> float:
@@ -382,8 +382,9 @@ def _end(along: Path, to: float | None) -> float:
     return to
 
 
-def _walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength) -> Branch:
-    """Take steps until one of the reasons to stop."""
+def walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength,
+         until: Callable[[Step, Step], bool] | None = None) -> Branch:
+    """Take steps until one of the reasons to stop, or the first two of which `until` is true."""
     system, eq = along.system(), origin.equations
     forward = math.copysign(1.0, to - along.first)
     steps: list[Step] = []
@@ -395,6 +396,9 @@ def _walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength) -> B
     for point in arclength(system, y, along.first / along.scale, toward=forward, step=method.step,
                            max_step=method.max_step, max_turn=method.max_turn,
                            tolerance=1e-10 * small, longest=foresight(along)):
+        if until and steps and until(steps[-1], point):
+            steps.append(point)
+            break
         # a fold between this point and the last?
         fold = None
         if steps and point.tangent[-1] * steps[-1].tangent[-1] < 0:

@@ -61,6 +61,24 @@ class Passage:
         """Whether the motion repeats every revolution at each value, (n,)."""
         return self.period == 1
 
+    @property
+    def rotation_number(self) -> float:
+        """Turns around the closed curve of the last section in a revolution, from 0 to ½, where the
+        motion is on a torus; nan where it repeats.
+
+        At a Neimark–Sacker point it is the angle of the multipliers over 2π. The turns are averaged
+        with weights that vanish at both ends (Das and others 2017).
+        """
+        if not len(self.values) or self.period[-1]:
+            return math.nan
+        points = self.section[-1] - self.section[-1].mean(axis=0)
+        # as a circle: the curve may be long and thin
+        points = np.linalg.solve(np.linalg.cholesky(np.cov(points.T)), points.T)
+        turns = np.diff(np.arctan2(*points)) / (2 * math.pi)
+        turns = (turns + 0.5) % 1 - 0.5
+        at = np.arange(1, len(turns) + 1) / (len(turns) + 1)
+        return float(abs(np.average(turns, weights=np.exp(-1 / (at * (1 - at))))))
+
     @cached_property
     def story(self) -> list[tuple[int, float, float]]:
         """What it did, in order: (period, first value, last value) of each run of values with the
