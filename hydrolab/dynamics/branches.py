@@ -456,11 +456,11 @@ def _reason(along: Path, steps: list[Step], to: float, method: Arclength, closed
 
 def _room(along: Path, y: NDArray, value: float, method: Arclength) -> float:
     """Smallest gap at the AFT samples over the nominal one; inf where it cannot be the end."""
+    # the pull of a round gap is no number outside it, so no point that was found can touch
+    if not method.smallest_gap and type(along.here.equations.model.law) is CircularPull:
+        return math.inf
     problem = along.at(value)
     eq = problem.equations
-    # the pull of a round gap is no number outside it, so no point that was found can touch
-    if not method.smallest_gap and type(eq.model.law) is CircularPull:
-        return math.inf
     gaps = eq.model.law.smallest_gap(eq.position(y, problem.centre), eq.phase)
     return float(np.min(gaps)) / eq.model.length_scale
 

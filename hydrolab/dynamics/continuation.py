@@ -2,8 +2,7 @@
 
 It knows only a system (y, λ) → (residual, ∂/∂y, ∂/∂λ), so it follows a circle as readily as a
 rotor. ∂/∂λ may be a function without arguments that gives it: one that is dear is then asked for
-where a step begins and where it ends, since it hardly changes between. After Keller (1977) and
-Seydel (2010).
+once a step, near its end. After Keller (1977) and Seydel (2010).
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ ParametrisedSystem = Callable[[NDArray, float],
 @dataclass(frozen=True)
 class Step:
     """One point of a curve: unknowns, parameter, unit tangent in (y, λ), residual (an upper bound),
-    iterations.
+    iterations, ∂/∂λ as last asked for.
     """
 
     y: NDArray
@@ -34,12 +33,14 @@ class Step:
     tangent: NDArray
     residual: float
     iterations: int
+    slope: NDArray | None = None
 
 
 def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance: float = 1e-10,
-            max_steps: int = 8, guess: NDArray | None = None) -> Step | None:
+            max_steps: int = 8, guess: NDArray | None = None,
+            slope: NDArray | None = None) -> Step | None:
     """Return to the curve within the plane through z normal to the tangent; None if Newton does not
-    settle. It begins at z, or at a better guess.
+    settle. It begins at z, or at a better guess, with ∂/∂λ as it was at a point before.
 
     One bordered solve with two right-hand sides gives the Newton step and the tangent at the same
     time; the new tangent points the way of the old one.
@@ -49,16 +50,18 @@ def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance:
     bordered[n] = tangent
     right = np.zeros((n + 1, 2), order="F")
     right[n, 1] = 1
-    z0, z = z, (z if guess is None else guess).copy()
+    z0, z, fresh = z, (z if guess is None else guess).copy(), False
     for iterations in range(1, max_steps + 1):
-        r, bordered[:n, :n], slope = system(z[:n], z[n])
+        r, bordered[:n, :n], change = system(z[:n], z[n])
         size = math.sqrt(r @ r)
         if not math.isfinite(size):
             return None
-        if not callable(slope):
-            bordered[:n, n] = slope
-        elif iterations == 1 or size < tolerance:  # for the steps, and for the tangent
-            bordered[:n, n] = slope()
+        # after the first step the point is nearly there: good for the tangent and the last steps
+        if not callable(change):
+            slope = change
+        elif slope is None or iterations == 2 or (size < tolerance and not fresh):
+            slope, fresh = change(), True
+        bordered[:n, n] = slope
         right[:n, 0] = r
         right[n, 0] = tangent @ (z - z0)
         *_, answer, singular = dgesv(bordered, right)
@@ -71,7 +74,7 @@ def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance:
             long = math.sqrt(new @ new)
             if not math.isfinite(long):
                 return None
-            return Step(z[:n], float(z[n]), new / long, size, iterations)
+            return Step(z[:n], float(z[n]), new / long, size, iterations, slope)
     return None
 
 
@@ -98,7 +101,8 @@ def arclength(system: ParametrisedSystem, y: NDArray, parameter: float, *, towar
     step = min(step, longest(here)) if longest else step
     while step >= min_step:
         z = np.append(here.y, here.parameter) + step * here.tangent
-        new = correct(system, z, here.tangent, tolerance, guess=z + step**2 / 2 * bend)
+        new = correct(system, z, here.tangent, tolerance, guess=z + step**2 / 2 * bend,
+                      slope=here.slope)
         turn = math.inf if new is None else math.acos(min(1.0, float(new.tangent @ here.tangent)))
         if new is None or turn > 2 * max_turn:
             step /= 2

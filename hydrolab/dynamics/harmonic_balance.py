@@ -175,8 +175,8 @@ def condense(model: Model, speed: float, harmonics: int, samples: int, revolutio
 
     speed: rad/s. harmonics: m. samples: in a period. revolutions: in the period that the harmonics
     share. length: that scales the unknowns, m; the model's own unless given.
-    Raises BadInput where the machine can move freely (no static stiffness) or the speed is a
-    resonance without damping.
+    Raises BadInput where the machine can move freely (no static stiffness), the speed is a
+    resonance without damping, or one nonlinear coordinate depends on others.
     """
     n, c, length = model.size, len(model.selection), length or model.length_scale
     amplitudes = np.zeros((harmonics + 1, n), dtype=complex)
@@ -189,7 +189,11 @@ def condense(model: Model, speed: float, harmonics: int, samples: int, revolutio
         if k == revolutions:
             loads[:, c] = speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin)
         answer = respond(model, speed, k / revolutions, loads)
-        stiffness[k] = np.linalg.inv(model.selection @ answer[:, :c])
+        try:
+            stiffness[k] = np.linalg.inv(model.selection @ answer[:, :c])
+        except np.linalg.LinAlgError:
+            raise BadInput(f"{model.name} has nonlinear coordinates that depend on one another; "
+                           "laws at one place act on the same coordinates.") from None
         recovery[k] = answer[:, :c] @ stiffness[k]
         amplitudes[k] = answer[:, c]
 
