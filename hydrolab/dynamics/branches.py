@@ -119,8 +119,9 @@ class Path:
 
 
 def path(model: Model, parameter: str, balance: HarmonicBalance, speed: float,
-         static_eccentricity: float, direction: float) -> Path:
-    """The path along a parameter from the given state; arguments as in `follow`.
+         static_eccentricity: float, direction: float, to: float | None = None) -> Path:
+    """The path along a parameter from the given state; arguments as in `follow`. Where it begins at
+    0, `to` gives its scale.
 
     Raises BadInput for a parameter that this model does not have.
     """
@@ -136,7 +137,9 @@ def path(model: Model, parameter: str, balance: HarmonicBalance, speed: float,
     if parameter not in known:
         known[parameter] = _number(model, parameter, known)
     first, unit = known[parameter]
-    scale = 1.0 if parameter in ("static_eccentricity", "direction") else REACH * abs(first)
+    scale = REACH * abs(first or to or 1.0)
+    if parameter in ("static_eccentricity", "direction"):
+        scale = 1.0
     return Path(parameter, "" if unit == "1" else unit, first, scale, here, balance)
 
 
@@ -231,12 +234,13 @@ def foresight(along: Path) -> Callable[[Step], float] | None:
     def longest(step: Step) -> float:
         nonlocal seen, reach, poles
         value = step.parameter * along.scale
+        size = max(abs(value), 0.01 * along.scale)
         if not abs(value - seen) < reach:
             seen, poles = value, resonances(along, value, step.y)
             nearest = np.abs(poles - value).min(initial=math.inf)
-            reach = max(NEAR * abs(value), min(FAR * abs(value), nearest))
+            reach = max(NEAR * size, min(FAR * size, nearest))
         nearest = np.abs(poles - value).min(initial=math.inf)
-        change = max(SHARE * nearest, SHARPEST * abs(value)) / along.scale
+        change = max(SHARE * nearest, SHARPEST * size) / along.scale
         return change / max(abs(float(step.tangent[-1])), 1e-9)
 
     return longest
@@ -342,13 +346,16 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float | 
 
     parameter: "static_eccentricity" (fraction of the gap), "direction" (gap angle of the offset,
     rad), "speed" (rad/s), "field" or "unbalance" (factors on the machine's own), or the key of any
-    number on the machine's card, "bearings.<name>.stiffness" (SI units). The branch begins at the
-    given speed (rad/s), static eccentricity and direction and at the machine's own numbers, or on
-    `start`, an orbit there. Ends on `to` (half the gap if none is given for the eccentricity), at
-    contact, back at the start value, after `max_folds` folds and a short tail, or after
-    `max_points`; `branch.stopped` says which. Steps shorten near the resonances of the linear
-    machine, so that none is stepped over. Raises BadInput, or NoConvergence where there is no first
-    steady state.
+    number on the machine's card, such as "bearings.<name>.stiffness" (SI units). to: value of the
+    parameter to end at; half the gap unless given. The branch begins at this speed (rad/s),
+    static_eccentricity, direction and the machine's own numbers, or on `start`, an orbit there.
+    method: sizes of steps, and when else to end.
+
+    It ends on `to`, at contact, back at the start value, after `max_folds` folds and a short tail,
+    or after `max_points`; `branch.stopped` says which. Steps shorten near the resonances of the
+    linear machine, so that none is stepped over, but not along the eccentricity, the direction and
+    the unbalance, which leave that machine as it is. Raises BadInput, or NoConvergence where there
+    is no first steady state.
     """
     method = Arclength() if method is None else method
     require("method", method, Arclength)
@@ -362,7 +369,7 @@ def follow(model: Model, parameter: str = "static_eccentricity", *, to: float | 
         if start.static_eccentricity:
             direction = math.atan2(*(start.centre / start.static_eccentricity))
         static_eccentricity = start.static_eccentricity
-    along = path(model, parameter, balance, speed, static_eccentricity, direction)
+    along = path(model, parameter, balance, speed, static_eccentricity, direction, to)
     to = _end(along, to)
     origin = start or balance.solve(model, speed, static_eccentricity, direction=direction)
     return _balanced(walk(along, origin, to, method))

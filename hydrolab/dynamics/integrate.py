@@ -424,29 +424,38 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
         state = state + [static @ np.linalg.solve(generator @ static, disturbance),
                          np.zeros(small.size)]
 
-    blocks: list[Block] = [(np.array([begin]), (small.selection @ state[0])[:, None], state)]
-    stopped, interrupted = "", False
-    try:
-        # a motion that grows without bound is said in words below; an underflow is harmless
-        with np.errstate(all="ignore"):
-            for block in method.run(task, state, begin, revolutions):
-                block, stopped = _up_to_the_end(task, block, blocks[-1])
-                blocks.append(block)
-                if stopped:
-                    break
-                if progress:
-                    progress(len(blocks) - 1, revolutions)
-    except KeyboardInterrupt:
-        interrupted = True
-        stopped = (f"Interrupted after {len(blocks) - 1} of {revolutions} revolutions; these are "
-                   "kept.")
-    except NoConvergence as failure:
-        stopped = str(failure)
+    first = (np.array([begin]), (small.selection @ state[0])[:, None], state)
+    blocks, stopped, interrupted = _moved(task, method, first, revolutions, progress)
     times, paths, states = zip(*blocks, strict=True)
     return Trajectory(small, speed, float(static_eccentricity), centre, np.concatenate(times),
                       np.concatenate(paths, axis=1)[:2], states[-1],
                       stopped or f"It ran the {revolutions} revolutions asked for.", not stopped,
                       method, interrupted, lead)
+
+
+def _moved(task: Task, method: Integrator, first: Block, revolutions: int,
+           progress: Progress | None) -> tuple[list[Block], str, bool]:
+    """The pieces of a motion that begins with the first, why it ended early in words or "", and
+    whether that was an interrupt.
+    """
+    blocks = [first]
+    times, _, state = first
+    try:
+        # a motion that grows without bound is said in words; an underflow is harmless
+        with np.errstate(all="ignore"):
+            for block in method.run(task, state, float(times[0]), revolutions):
+                block, stopped = _up_to_the_end(task, block, blocks[-1])
+                blocks.append(block)
+                if stopped:
+                    return blocks, stopped, False
+                if progress:
+                    progress(len(blocks) - 1, revolutions)
+    except KeyboardInterrupt:
+        return blocks, (f"Interrupted after {len(blocks) - 1} of {revolutions} revolutions; these "
+                        "are kept."), True
+    except NoConvergence as failure:
+        return blocks, str(failure), False
+    return blocks, "", False
 
 
 def _first_state(model: Model, small: Model, speed: float,

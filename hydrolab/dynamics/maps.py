@@ -47,18 +47,19 @@ Progress = Callable[[int, int], None]
 Row = dict[str, NDArray]
 
 
-def steady_row(model: Model, speed: float, eccentricities: NDArray, harmonics: int = 4) -> Row:
-    """Readings of the first leg's steady states of one model at a speed (rad/s) and many static
-    eccentricities (fractions of the gap), and their `Outcome`.
+def steady_row(machine: Machine, eccentricities: NDArray, harmonics: int = 4) -> Row:
+    """Readings of the first leg's steady states of one machine at many static eccentricities
+    (fractions of the gap), and their `Outcome`.
 
-    The branch is followed to its first fold; the points in between are solved together as one
-    batch.
+    The branch is followed to its first fold with so many harmonics; the points in between are
+    solved together as one batch.
     """
     row = {name: np.full(len(eccentricities), np.nan) for name in READINGS}
     row["outcome"] = np.full(len(eccentricities), Outcome.NO_START, dtype=np.int8)
     with threadpool_limits(1):
+        model = machine.model()
         try:
-            branch = follow(model, speed=speed, to=0.9,
+            branch = follow(model, speed=machine.speed, to=0.9,
                             method=Arclength(HarmonicBalance(harmonics), max_folds=1, tail=0))
         except (NoConvergence, Contact):
             return row
@@ -98,9 +99,9 @@ def _row_of_machines(machine: Machine, changes: Mapping[str, Any], x: str, value
     """One row of a map: the machine with `changes`, along the x axis."""
     machine = machine.with_numbers(changes)
     if x == ECCENTRICITY:
-        return steady_row(machine.model(), machine.speed, values)
+        return steady_row(machine, values)
     each = [machine.with_numbers({x: float(value)}) for value in values]
-    cells = [steady_row(one.model(), one.speed, np.array([eccentricity])) for one in each]
+    cells = [steady_row(one, np.array([eccentricity])) for one in each]
     return {name: np.concatenate([cell[name] for cell in cells]) for name in cells[0]}
 
 

@@ -273,11 +273,10 @@ class PeriodicOrbit:
         first = int(np.argmax(self._clearances <= 0))
         phase = self.revolutions * PERIOD[first:first + 1]
         place = self.model.relative(self.coordinates(phase), self.centre[:, None])
+        angle = float(self.model.law.gap_angle(place, phase)[0])
         raise Contact(f"The steady state at {100 * self.static_eccentricity:.4g} % would touch the "
-                      "stator: "
-                      + contact_sentence(phase[0], phase[0] / self.speed,
-                                         float(self.model.law.gap_angle(place, phase)[0]))
-                      + " Lower the eccentricity, the unbalance or the field.")
+                      f"stator: {contact_sentence(phase[0], phase[0] / self.speed, angle)} Lower "
+                      "the eccentricity, the unbalance or the field.")
 
     def __str__(self) -> str:
         mean = 1e6 * np.hypot(*self.mean)
@@ -287,10 +286,9 @@ class PeriodicOrbit:
         gap = (f"smallest gap {1e3 * self.smallest_gap:.3f} mm, "
                if math.isfinite(self.smallest_gap) else "")
         return (f"Steady state of {self.model.name} at {self.speed * 30 / math.pi:.4g} rpm, static "
-                "eccentricity "
-                f"{100 * self.static_eccentricity:.4g} %{period}: mean displacement {mean:.4g} µm; "
-                "x/z amplitudes "
-                f"(µm, 0-to-peak) {shares}; {gap}residual {self.residual:.1e} N.")
+                f"eccentricity {100 * self.static_eccentricity:.4g} %{period}: mean displacement "
+                f"{mean:.4g} µm; x/z amplitudes (µm, 0-to-peak) {shares}; {gap}residual "
+                f"{self.residual:.1e} N.")
 
 
 def clearances(eq: Condensed, local: NDArray, centres: NDArray) -> NDArray:
@@ -390,8 +388,8 @@ class Branch:
     @cached_property
     def centres(self) -> NDArray:
         """Stator centre at each point, m, shape (points, 2)."""
-        moving = self.parameter in ("static_eccentricity", "direction")
-        values = self.values if moving else self.values[:1]
+        still = self.parameter in ("speed", "field", "unbalance")
+        values = self.values[:1] if still else self.values
         return np.broadcast_to([self.path.at(float(value)).centre for value in values],
                                (len(self), 2))
 
@@ -411,9 +409,8 @@ class Branch:
         fold = self.folds[number]
         problem = self.path.at(fold.value)
         eq = problem.equations
-        return self.orbit(fold.value, fold.unknowns,
-                          float(np.abs(eq.residual(fold.unknowns, problem.centre)).max()
-                                * eq.force))
+        residual = eq.force * np.abs(eq.residual(fold.unknowns, problem.centre)).max()
+        return self.orbit(fold.value, fold.unknowns, float(residual))
 
     @property
     def first_leg(self) -> slice:
@@ -425,8 +422,8 @@ class Branch:
         """[mean, sin 1, cos 1, …] of all c nonlinear coordinates at every point, m or rad, shape
         (points, c, 2m + 1); the generator's x and z are first.
         """
-        return self.equations.length * self.unknowns.reshape(len(self), len(self.equations.linear),
-                                                             -1)
+        eq = self.equations
+        return eq.length * self.unknowns.reshape(len(self), len(eq.linear), -1)
 
     @property
     def coefficients(self) -> NDArray:
@@ -455,5 +452,5 @@ class Branch:
         say = self.path.say
         folds = ", ".join(say(f.value, 5) for f in self.folds) or "none"
         return (f"Branch of {self.equations.model.name} along {self.parameter}, {len(self)} points "
-                "from "
-                f"{say(self.values[0])} to {say(self.values[-1])}; folds: {folds}. {self.stopped}")
+                f"from {say(self.values[0])} to {say(self.values[-1])}; folds: {folds}. "
+                f"{self.stopped}")

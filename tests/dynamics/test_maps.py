@@ -46,11 +46,6 @@ def whole(machine):
     return steady_map(machine, "static_eccentricity", E, "field", FIELDS)
 
 
-def row_of(machine, eccentricities):
-    """A row of one machine."""
-    return steady_row(machine.model(), machine.speed, eccentricities)
-
-
 def made_of(machine):
     """The fingerprint of a machine."""
     return fingerprint(machine.model(), machine.speed)
@@ -96,7 +91,7 @@ def test_close_to_the_fold_it_stays_on_the_first_leg(machine):
                     method=Arclength(max_folds=1, tail=3))
     fold = branch.folds[0].value
     values = fold * (1 - np.geomspace(1e-9, 0.3, 25))
-    row = row_of(machine, values)
+    row = steady_row(machine, values)
     assert (row["outcome"] == Outcome.CONVERGED).all()
     first = [orbits_at(branch, e)[0].smallest_gap for e in values[5:]]
     assert row["smallest_gap"][5:] == pytest.approx(first, abs=1e-9 * machine.air_gap.gap)
@@ -125,7 +120,7 @@ def test_machines_that_have_no_steady_state_are_marked(machine, whole):
     found = steady_map(machine, "static_eccentricity", E, "unbalance", [1.0, 15.0])
     assert (found.outcome.values[1] == Outcome.NO_START).all()
     assert np.isnan(found.smallest_gap.values[1]).all()
-    row = row_of(machine, E)
+    row = steady_row(machine, E)
     for name in READINGS:
         assert np.array_equal(found[name].values[0], row[name], equal_nan=True)
 
@@ -341,7 +336,7 @@ def test_processes_one_of_which_is_killed(machine, tmp_path):
     assert killed
     assert (found.outcome.values != Outcome.NOT_DONE).all()
     for i in (0, 17, 39):
-        row = row_of(vary(machine, {"field": fields[i]}), e)
+        row = steady_row(vary(machine, {"field": fields[i]}), e)
         assert np.array_equal(found.smallest_gap.values[i], row["smallest_gap"], equal_nan=True)
     with xr.open_dataset(path, engine="scipy") as on_disk:
         assert same(on_disk.load(), found)
@@ -401,7 +396,7 @@ def test_a_dask_cluster_with_a_killed_worker(machine):
                            progress=kill)
         assert killed
     assert (found.outcome.values != Outcome.NOT_DONE).all()
-    alone = row_of(vary(machine, {"field": fields[-1]}), e)
+    alone = steady_row(vary(machine, {"field": fields[-1]}), e)
     assert found.smallest_gap.values[-1] == pytest.approx(alone["smallest_gap"], abs=1e-15,
                                                           nan_ok=True)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from hydrolab import HarmonicBalance, follow, orbits_at, rpm
+from hydrolab import HarmonicBalance, follow, load_machine, orbits_at, rpm, vary
 from hydrolab.dynamics.branches import Arclength, path
 from hydrolab.dynamics.continuation import arclength
 from hydrolab.errors import BadInput
@@ -192,6 +192,24 @@ def test_stiffness_of_the_card_is_that_of_the_branch(make_kaplan, speed):
     (on_branch,) = orbits_at(branch, stiff)
     alone = HarmonicBalance().solve(built, speed, 0.05)
     assert np.abs(alone.coefficients - on_branch.coefficients).max() < 1e-10 * built.gap
+
+
+@pytest.mark.parametrize(("key", "to", "points"), [
+    ("bodies.generator.mass", 1.3e5, 20), ("air_gap.gap", 0.0105, 20), ("shaft.diameter", 0.73, 40),
+    ("bodies.turbine.unbalance", 20.0, 30), ("air_gap.tangential", 0.004, 20)])
+def test_any_number_of_a_card(key, to, points):
+    """Each end is what a machine made anew with that number has, but for its Rayleigh damping; also
+    from 0, and where the gap, which scales the unknowns, changes on the way.
+    """
+    machine = load_machine("kaplan-150rpm")
+    branch = follow(machine.model(), key, to=to, speed=machine.speed, static_eccentricity=0.03)
+    assert branch.stopped.startswith("It reached") and len(branch) < points
+    made = vary(machine, {key: to}).model()
+    alone = HarmonicBalance().solve(replace(made, C=branch[-1].model.C), machine.speed, 0.03)
+    assert alone.local == pytest.approx(branch[-1].local, abs=1e-9 * made.gap)
+    assert np.array_equal(branch.local[-1], branch[-1].local)
+    assert branch.centres[-1] == pytest.approx([0.03 * made.gap, 0.0], abs=1e-15)
+    assert branch.smallest_gaps[-1] == branch[-1].smallest_gap < made.gap
 
 
 # ------------------------------------------------------------------ closed branches
