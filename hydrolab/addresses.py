@@ -10,7 +10,8 @@ import socket
 
 
 def trouble(host: str, port: int) -> int | None:
-    """The error number with which this computer refuses to listen there, or None where it does not.
+    """The error number with which this computer refuses to listen at a host and a port, or None
+    where it does not.
     """
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host or None, port,
@@ -31,7 +32,9 @@ def trouble(host: str, port: int) -> int | None:
 
 def in_words(number: int, host: str, port: int, host_option: str = "host",
              port_option: str = "port") -> str:
-    """An error number of `trouble` as a sentence, with the names of the options that were given."""
+    """An error number of `trouble` as a sentence. host, port: as they were given; host_option,
+    port_option: the names by which one gives them.
+    """
     if number == errno.EADDRNOTAVAIL:
         return f"{host_option} is {host!r}; it is no address of this computer. Try 127.0.0.1."
     if number in (errno.EACCES, errno.EPERM):

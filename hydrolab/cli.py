@@ -46,7 +46,9 @@ def course_files(book: Path) -> Iterator[Path]:
 
 
 def copy_new(source: Path, target: Path) -> bool:
-    """Copy a file whole or not at all; return False and touch nothing where the target exists."""
+    """Copy a source file whole or not at all; return False and touch nothing where the target
+    exists.
+    """
     if target.exists() or target.is_symlink():
         return False
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -70,8 +72,8 @@ def current_umask() -> int:
 
 
 def prepare_folder(folder: Path, book: Path | None = None) -> tuple[list[Path], list[Path]]:
-    """Copy into folder what it lacks of the course. Return (copied, kept): a kept file differs from
-    the shipped one.
+    """Copy into a folder what it lacks of the course in `book` (by default the shipped one). Return
+    (copied, kept): a kept file differs from the shipped one.
     """
     book = book or find_book()
     folder = folder.resolve()
@@ -91,13 +93,15 @@ def prepare_folder(folder: Path, book: Path | None = None) -> tuple[list[Path], 
 
 
 def check_port(ip: str, port: int) -> None:
-    """Say in a sentence why nothing can listen on this address, before JupyterLab starts."""
+    """Say in a sentence why nothing can listen on this ip and port, before JupyterLab starts."""
     if (problem := trouble(ip, port)) is not None:
         raise BadInput(in_words(problem, ip, port, "--ip", "--port"))
 
 
 def lab_arguments(folder: Path, *, ip: str, port: int | None, browser: bool) -> list[str]:
-    """Return JupyterLab's own arguments. Without a port it takes 8888 or the next free one."""
+    """Return JupyterLab's own arguments for a folder to open, an ip to listen on, a port (None: 8888
+    or the next free one) and whether it opens a browser.
+    """
     first = next((path.name for path in sorted(folder.glob("00*.ipynb"))), None)
     arguments = [
         f"--ServerApp.root_dir={folder}",
@@ -120,7 +124,9 @@ def lab_arguments(folder: Path, *, ip: str, port: int | None, browser: bool) -> 
 
 
 def without_announcements(handler: Any, page: dict[str, Any]) -> dict[str, Any]:
-    """Take JupyterLab's question about news, and with it the look for updates, out of a page."""
+    """Take JupyterLab's question about news, and with it the look for updates, out of the page that
+    a handler is about to send.
+    """
     return page | {"disabledExtensions": [*page.get("disabledExtensions", ()), ANNOUNCEMENTS]}
 
 
@@ -301,7 +307,8 @@ def say(sentence: object) -> None:
 
 
 def elsewhere(error: OSError, options: argparse.Namespace) -> str:
-    """What to try where the system refuses to write: the option of this command that names a place.
+    """What to try where an error says that the system refuses to write: the one of this command's
+    options that names a place.
     """
     named = [f"--{name}" for name in ("dir", "out", "record") if hasattr(options, name)]
     if error.errno in (errno.EROFS, errno.EACCES, errno.EPERM) and named:

@@ -14,6 +14,8 @@ import numpy as np
 from hydrolab.course.answers import Exercise, other_units
 from hydrolab.course.exercises import exercise
 
+UNANSWERED = "not answered yet. Put your answer in place of ... and run this cell again."
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -34,10 +36,9 @@ def check(number: str, answer: Any) -> None:
 
 
 def judge(asked: Exercise, answer: Any) -> Verdict:
-    """Compare an answer with what an exercise asks for."""
+    """Compare an answer with what is asked for, an exercise."""
     if answer is ...:
-        return Verdict("unanswered", "not answered yet. Put your answer in place of ... and run "
-                                     "this cell again.")
+        return Verdict("unanswered", UNANSWERED)
     right = asked.right()
     if (fault := _type_fault(asked, right, answer)) is not None:
         return Verdict("type", fault)
@@ -47,17 +48,15 @@ def judge(asked: Exercise, answer: Any) -> Verdict:
         return Verdict("open", asked.reply(answer))
     if _same(asked, answer, right):
         return Verdict("right", "right.")
+    back = "Read again: {}."
     if (unit := _mistaken_unit(asked, right, answer)) is not None:
-        said = f"the right value in {unit}; the answer is asked for in {asked.unit}."
-        return Verdict("unit", f"{said} Convert it. {_back(asked.see)}")
+        return Verdict("unit", f"the right value in {unit}; the answer is asked for in "
+                       f"{asked.unit}. Convert it. {back.format(asked.see)}")
     for mistake in asked.mistakes:
         if _same(asked, answer, mistake.wrong(right)):
-            return Verdict("mistake", f"not yet. {mistake.hint} {_back(mistake.see or asked.see)}")
-    return Verdict("wrong", f"not yet, and not a mistake known here. {_back(asked.see)}")
-
-
-def _back(see: str) -> str:
-    return f"Read again: {see}."
+            hint = f"{mistake.hint} {back.format(mistake.see or asked.see)}"
+            return Verdict("mistake", f"not yet. {hint}")
+    return Verdict("wrong", f"not yet, and not a mistake known here. {back.format(asked.see)}")
 
 
 def _is_number(value: Any) -> bool:
@@ -71,29 +70,29 @@ def _is_finite(value: Any) -> bool:
 
 
 def _is_list(value: Any) -> bool:
-    return isinstance(value, Sequence | np.ndarray) and not isinstance(value,
-                                                                       str) and not _is_number(value)
+    listed = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
+    return listed and not _is_number(value)
 
 
 def _type_fault(asked: Exercise, right: Any, answer: Any) -> str | None:
     """What is wrong with the kind of an answer, or None."""
-    got = f"this is {_kind(answer)}"
     if _is_number(right):
-        if not _is_number(answer):
-            return f"a number{f' of {asked.unit}' if asked.unit else ''} is asked for; {got}."
-        return None if _is_finite(answer) else f"a finite number is asked for; this is {answer!s:.20}."
-    if isinstance(right, str):
-        if isinstance(answer, str) and (not asked.choices
-                                        or _word(answer) in map(_word, asked.choices)):
-            return None
-        choices = f"one of {', '.join(map(repr, asked.choices))}" if asked.choices else "a text"
-        return f"{choices} is asked for; this is {answer!r:.40}." if isinstance(answer, str) else (
-            f"{choices} is asked for; {got}.")
-    if isinstance(right, Mapping):
-        return None if isinstance(answer, Mapping) else f"a dictionary is asked for; {got}."
-    if _is_list(right):
-        return None if _is_list(answer) else f"a list of {len(right)} is asked for; {got}."
-    return None if isinstance(answer, type(right)) else f"{_kind(right)} is asked for; {got}."
+        wanted, good = f"a number{f' of {asked.unit}' if asked.unit else ''}", _is_number(answer)
+        if good and not _is_finite(answer):
+            return f"a finite number is asked for; this is {answer!s:.20}."
+    elif isinstance(right, str):
+        words = [_word(choice) for choice in asked.choices]
+        wanted = f"one of {', '.join(map(repr, asked.choices))}" if words else "a text"
+        good = isinstance(answer, str)
+        if good and words and _word(answer) not in words:
+            return f"{wanted} is asked for; this is {answer!r:.40}."
+    elif isinstance(right, Mapping):
+        wanted, good = "a dictionary", isinstance(answer, Mapping)
+    elif _is_list(right):
+        wanted, good = f"a list of {len(right)}", _is_list(answer)
+    else:
+        wanted, good = _kind(right), isinstance(answer, type(right))
+    return None if good else f"{wanted} is asked for; this is {_kind(answer)}."
 
 
 def _kind(value: Any) -> str:
@@ -101,25 +100,26 @@ def _kind(value: Any) -> str:
         return "a text"
     if _is_number(value):
         return "a number"
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
     name = type(value).__name__
-    return f"an array of shape {value.shape}" if isinstance(value, np.ndarray) else (
-        f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}")
+    return f"{'an' if name[0] in 'AEIOUaeiou' else 'a'} {name}"
 
 
 def _shape_fault(right: Any, answer: Any) -> str | None:
     """What is wrong with the size or the keys of an answer, or None."""
     if isinstance(right, Mapping):
-        missing, extra = sorted(set(right) - set(answer)), sorted(map(str,
-                                                                      set(answer) - set(right)))
+        missing = ", ".join(map(str, sorted(set(right) - set(answer))))
+        extra = ", ".join(sorted(map(str, set(answer) - set(right))))
         if missing or extra:
-            return (f"{len(right)} entries are asked for, {', '.join(map(str, right))}; "
-                    f"missing: {', '.join(map(str, missing)) or 'none'}; too many: "
-                    f"{', '.join(extra) or 'none'}.")
+            return (f"{len(right)} entries are asked for, {', '.join(map(str, right))}; missing: "
+                    f"{missing or 'none'}; too many: {extra or 'none'}.")
         return _entries_fault(list(right.values()), [answer[key] for key in right])
     if _is_list(right):
         wanted, got = np.shape(np.asarray(right)), _shape(answer)
         if wanted != got:
-            return f"an answer of shape {wanted} is asked for; this has the shape {got or 'of no array'}."
+            return (f"an answer of shape {wanted} is asked for; this has the shape "
+                    f"{got or 'of no array'}.")
         return _entries_fault(list(np.ravel(np.asarray(right))), list(np.ravel(np.asarray(answer))))
     return None
 
@@ -135,7 +135,8 @@ def _entries_fault(right: list[Any], answer: list[Any]) -> str | None:
     for position, (wanted, got) in enumerate(zip(right, answer, strict=True), 1):
         kind = "text" if isinstance(wanted, str) else "number"
         if not (isinstance(got, str) if kind == "text" else _is_number(got) and _is_finite(got)):
-            return f"each entry is a {kind}; entry {position} is not one{' yet' if got is ... else ''}."
+            yet = " yet" if got is ... else ""
+            return f"each entry is a {kind}; entry {position} is not one{yet}."
     return None
 
 
@@ -157,17 +158,19 @@ def _same(asked: Exercise, answer: Any, other: Any, factor: float = 1.0) -> bool
     """Tell whether an answer is another one, numbers within the tolerance and times a factor."""
     keys = other if isinstance(other, Mapping) else None
     mine, theirs = _values(asked, answer, keys), _values(asked, other, keys)
-    return len(mine) == len(theirs) and all(
-        a == b if isinstance(b, str) else abs(a - factor * b) <= abs(factor)
-        * (asked.atol + asked.rtol * abs(b))
-        for a, b in zip(mine, theirs, strict=True))
+
+    def near(a: Any, b: Any) -> bool:
+        if isinstance(b, str):
+            return a == b
+        return abs(a - factor * b) <= abs(factor) * (asked.atol + asked.rtol * abs(b))
+
+    return len(mine) == len(theirs) and all(map(near, mine, theirs))
 
 
 def _mistaken_unit(asked: Exercise, right: Any, answer: Any) -> str | None:
     """The unit in which the answer would be right, if it is another one of the same kind."""
-    if not any(isinstance(v, float) and v for v in _values(asked, right,
-                                                           right if isinstance(right, Mapping)
-                                                           else None)):
+    values = _values(asked, right, right if isinstance(right, Mapping) else None)
+    if not any(isinstance(v, float) and v for v in values):
         return None
     return next((unit for unit, factor in other_units(asked.unit).items()
                  if _same(asked, answer, right, factor)), None)

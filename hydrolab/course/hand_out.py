@@ -12,7 +12,8 @@ from pathlib import Path
 from hydrolab.course.refresh import Notebook, clean, read, text
 from hydrolab.errors import BadInput
 
-FOLDED = re.compile(r"\n*<details>\s*<summary>[^<]*(?:Solution|Answer|answer)[^<]*</summary>.*?</details>\n*", re.DOTALL)
+FOLDED = re.compile(r"\n*<details>\s*<summary>[^<]*(?:Solution|[Aa]nswer)[^<]*</summary>.*?"
+                    r"</details>\n*", re.DOTALL)
 
 
 def without_solutions(notebook: Notebook) -> Notebook:

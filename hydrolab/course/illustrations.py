@@ -1,7 +1,5 @@
-"""Drawings for the chapters: the axes on a machine, the air gap with its magnetic pressure. Not to
-scale where said.
-
-A machine from the side, with what its source states on the left and what was chosen for it on the
+"""Pictures of the chapters that show no result: the axes on a machine, the air gap with its
+magnetic pressure, a machine with what its source states on the left and what was chosen on the
 right.
 """
 
@@ -16,15 +14,19 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from hydrolab.figures.picture import Picture
+from hydrolab.figures import COLOURS, Picture, house_style, new_figure
 from hydrolab.figures.readings import listed
-from hydrolab.figures.style import COLOURS, house_style, new_figure
-from hydrolab.machine.parts import Machine
+from hydrolab.machine import Machine
 from hydrolab.machine.quantities import quantity
 
 TURN = np.linspace(0.0, 2 * np.pi, 361)
 RUNNER = (1.3, 0.8)  # half width and height of the box drawn for a turbine, m: no size is known
 ARROW = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "linewidth": 2.0, "mutation_scale": 18}
+STATED = ("paper", "Table 1")
+WHENCE = {"paper": "stand in the paper's text", "Table 1": "in its Table 1",
+          "calibrated": "are calibrated", "assumed": "assumed", "derived": "derived"}
+LETTERS = {"young": "E", "density": "ρ", "poisson": "ν", "shear_coefficient": "shear coefficient κ"}
+SIDE = 4.6  # m, from the axis to the columns of words
 
 
 def _arrow(axes: Axes, tail: tuple[float, float], tip: tuple[float, float], colour: str,
@@ -39,6 +41,26 @@ def _arc(axes: Axes, radius: float, start: float, end: float, colour: str) -> No
     _arrow(axes, *((radius * math.sin(a), radius * math.cos(a)) for a in angle[[-3, -1]]), colour)
 
 
+def _box(axes: Axes, left: float, top: float, wide: float, tall: float, colour: str,
+         alpha: float = 1.0) -> None:
+    axes.add_patch(Rectangle((left, top), wide, tall, color=COLOURS[colour], alpha=alpha,
+                             linewidth=0))
+
+
+def _from_the_side(axes: Axes, machine: Machine, alpha: float) -> dict[str, tuple[float, float]]:
+    """The shaft and the bodies to scale, y down; return each body's half width and height, m."""
+    shaft, air = machine.shaft, machine.air_gap
+    _box(axes, -shaft.diameter.max() / 2, 0, shaft.diameter.max(), shaft.length, "axis", 0.45)
+    sizes = {}
+    for body in machine.bodies:
+        turns = air is not None and body.name == air.body
+        wide, tall = (air.mean_radius - air.gap / 2, air.length) if turns else RUNNER
+        _box(axes, -wide, shaft.nodes[body.node] + body.offset - tall / 2, 2 * wide, tall, "rotor",
+             alpha)
+        sizes[body.name] = wide, tall
+    return sizes
+
+
 @house_style()
 def conventions_picture(machine: Machine) -> Picture:
     """The machine from the side with y pointing down, and the plane across it from above with angle
@@ -50,44 +72,32 @@ def conventions_picture(machine: Machine) -> Picture:
     _draw_above(above)
     generator = machine.body(machine.air_gap.body)
     depth = f"{machine.shaft.nodes[generator.node] + generator.offset:.3f}".replace("-", "−")
-    words = (f"Left, {machine.name} from the side: y points down from the shaft top, the "
-             f"{generator.name}'s centre lies "
-             f"at y = {depth} m, the shaft ends at "
-             f"{machine.shaft.length:.2f} m. Right, the plane (x, z) from above: the gap angle φ "
-             "runs from z towards x, "
-             "and so does the spin, clockwise.")
-    return Picture(figure, words)
+    return Picture(figure, f"Left, {machine.name} from the side: y points down from the shaft top, "
+                   f"the {generator.name}'s centre lies at y = {depth} m, the shaft ends at "
+                   f"{machine.shaft.length:.2f} m. Right, the plane (x, z) from above: the gap "
+                   "angle φ runs from z towards x, and so does the spin, clockwise.")
 
 
 def _draw_side(axes: Axes, machine: Machine) -> None:
-    shaft, gap = machine.shaft, machine.air_gap
-    half = float(shaft.diameter.max()) / 2
-    axes.add_patch(Rectangle((-half, 0), 2 * half, shaft.length, color=COLOURS["axis"], alpha=0.45,
-                             linewidth=0))
-    for body in machine.bodies:
+    shaft, half = machine.shaft, float(machine.shaft.diameter.max()) / 2
+    for name, (wide, tall) in _from_the_side(axes, machine, 0.55).items():
+        body = machine.body(name)
         y = float(shaft.nodes[body.node]) + body.offset
-        wide, tall = (gap.mean_radius - gap.gap / 2,
-                      gap.length) if body.name == gap.body else RUNNER
-        axes.add_patch(Rectangle((-wide, y - tall / 2), 2 * wide, tall, color=COLOURS["rotor"],
-                                 alpha=0.55, linewidth=0))
-        axes.annotate(body.name, (0, y), ha="center", va="center", fontsize=12)
-        if body.name == gap.body:
+        axes.annotate(name, (0, y), ha="center", va="center", fontsize=12)
+        if name == machine.air_gap.body:
             for left in (-wide - 0.65, wide + 0.05):
-                axes.add_patch(Rectangle((left, y - tall / 2), 0.6, tall, color=COLOURS["stator"],
-                                         linewidth=0))
+                _box(axes, left, y - tall / 2, 0.6, tall, "stator")
             axes.annotate("stator", (wide + 0.35, y - tall / 2 - 0.1), ha="center", va="bottom",
                           fontsize=12)
-    for bearing in (*machine.bearings, *machine.thrust_bearings):
+    for bearing in machine.all_bearings:
         y = float(shaft.nodes[bearing.node])
-        for side in (-1, 1):
-            axes.add_patch(Rectangle((side * half - (side < 0) * 0.5, y - 0.12), 0.5, 0.24,
-                                     color=COLOURS["bearing"]))
+        for left in (-half - 0.5, half):
+            _box(axes, left, y - 0.12, 0.5, 0.24, "bearing")
         axes.annotate(bearing.name, (half + 0.65, y), va="center", fontsize=12)
     _arrow(axes, (-2.6, 1.2), (-2.6, 4.2), COLOURS["mean"])
     axes.annotate("y", (-2.6, 4.3), ha="center", va="top", fontsize=16)
     axes.set(xlim=(-3.9, 5.0), ylim=(10.2, -1.7), aspect="equal", xlabel="x, m",
-             ylabel="depth y, m",
-             title="From the side (the runner's size is a guess)")
+             ylabel="depth y, m", title="From the side (the runner's size is a guess)")
 
 
 def _draw_above(axes: Axes) -> None:
@@ -143,21 +153,10 @@ def gap_picture(eccentricity: float) -> Picture:
     axes.set_axis_off()
     strongest, weakest = (1 - abs(eccentricity)) ** -2, (1 + abs(eccentricity)) ** -2
     return Picture(figure, f"The rotor is displaced by {100 * eccentricity:.0f} % of the gap along "
-                           "x (the gap is drawn "
-                           f"far too wide): the magnetic pressure is {strongest:.2f} times its "
-                           "mean-gap value where the "
-                           f"gap is smallest and {weakest:.2f} times where it is largest, so the "
-                           "pull acts along "
-                           f"{'+' if eccentricity > 0 else '−'}x, towards the small gap.")
-
-
-STATED = ("paper", "Table 1")
-WHENCE = {"paper": "stand in the paper's text", "Table 1": "in its Table 1",
-          "calibrated": "are calibrated",
-          "assumed": "assumed", "derived": "derived"}
-LETTERS = {"young": "E", "density": "ρ", "poisson": "ν", "shear_coefficient": "shear coefficient κ"}
-SIDE = 4.6  # m, from the axis to the columns of words
-LEFT, RIGHT = COLOURS["x"], COLOURS["z"]
+                   f"x (the gap is drawn far too wide): the magnetic pressure is {strongest:.2f} "
+                   f"times its mean-gap value where the gap is smallest and {weakest:.2f} times "
+                   "where it is largest, so the pull acts along "
+                   f"{'+' if eccentricity > 0 else '−'}x, towards the small gap.")
 
 
 def counts(machine: Machine) -> Counter[str]:
@@ -171,32 +170,19 @@ def _words(machine: Machine, prefix: str, stated: bool) -> str:
     for key, entry in machine.provenance.items():
         name = key.rpartition(".")[2]
         if key.startswith(f"{prefix}.") and (entry.source in STATED) == stated and name != "nodes":
-            value = quantity(float(f"{entry.value:.4g}"), entry.unit).replace("^2",
-                                                                              "²").replace("^3",
-                                                                                           "³")
-            found.append(f"{LETTERS.get(name, name.replace('_', ' '))} {value}")
+            number, _, unit = quantity(float(f"{entry.value:.4g}"), entry.unit).partition(" ")
+            unit = unit.replace("^2", "²").replace("^3", "³")
+            found.append(f"{LETTERS.get(name, name.replace('_', ' '))} {number} {unit}".rstrip())
     return ", ".join(found)
 
 
-def _parts(machine: Machine) -> list[tuple[str, str, float, str]]:
-    """(name, prefix of its keys, depth in m, what is chosen of its place) of each part that is
-    labelled.
-    """
-    nodes = machine.shaft.nodes
-    rows = [(b.name, f"bodies.{b.name}", float(nodes[b.node] + b.offset), "")
-            for b in machine.bodies]
-    rows += [(b.name, f"bearings.{b.name}", float(nodes[b.node]), f"depth {nodes[b.node]:.3f} m")
-             for b in (*machine.bearings, *machine.thrust_bearings)]
-    return sorted(rows, key=lambda row: row[2])
-
-
 def _label(axes: Axes, side: int, depth: float, name: str, words: str) -> None:
+    """Words on one side of the machine, −1 or 1, with a line to it; none where there are none."""
     if words:
-        axes.text(side * SIDE, depth, textwrap.fill(f"{name}: {words}", 38),
-                  ha="right" if side < 0 else "left",
-                  va="center", fontsize=12, color=LEFT if side < 0 else RIGHT)
-        axes.plot([side * 0.5, side * (SIDE - 0.1)], [depth, depth],
-                  color=LEFT if side < 0 else RIGHT, linewidth=0.8)
+        colour = COLOURS["x" if side < 0 else "z"]
+        axes.text(side * SIDE, depth, textwrap.fill(f"{name}: {words}", 38), va="center",
+                  ha="right" if side < 0 else "left", fontsize=12, color=colour)
+        axes.plot([side * 0.5, side * (SIDE - 0.1)], [depth, depth], color=colour, linewidth=0.8)
 
 
 @house_style()
@@ -204,36 +190,30 @@ def sources_picture(machine: Machine) -> Picture:
     """The machine from the side, to scale, each part with its stated numbers (left) and its chosen
     ones (right).
     """
-    shaft, gap = machine.shaft, machine.air_gap
+    shaft, half = machine.shaft, float(machine.shaft.diameter.max()) / 2
     figure = new_figure(12.5, 6.2)
     axes = figure.subplots()
-    half = float(shaft.diameter.max()) / 2
-    axes.add_patch(Rectangle((-half, 0), 2 * half, shaft.length, color=COLOURS["axis"], alpha=0.45,
-                             linewidth=0))
-    for name, prefix, depth, place in _parts(machine):
-        if prefix.startswith("bodies"):
-            wide, tall = (gap.mean_radius - gap.gap / 2,
-                          gap.length) if gap and name == gap.body else RUNNER
-            axes.add_patch(Rectangle((-wide, depth - tall / 2), 2 * wide, tall,
-                                     color=COLOURS["rotor"], alpha=0.4,
-                                     linewidth=0))
-        else:
-            for side, marker in ((-1, ">"), (1, "<")):
-                axes.plot(side * (half + 0.2), depth, marker, color=COLOURS["axis"], markersize=11)
-        _label(axes, -1, depth, name, _words(machine, prefix, True))
-        _label(axes, 1, depth, name, ", ".join(filter(None,
-                                                      (place, _words(machine, prefix, False)))))
-    _label(axes, -1, 0.72 * shaft.length, "shaft", _words(machine, "shaft", True))
-    _label(axes, 1, 0.72 * shaft.length, "shaft", _words(machine, "shaft", False))
+    _from_the_side(axes, machine, 0.4)
+    rows = [(float(shaft.nodes[b.node] + b.offset), b, "") for b in machine.bodies]
+    for bearing in machine.all_bearings:
+        depth = float(shaft.nodes[bearing.node])
+        axes.plot([-half - 0.2], depth, ">", [half + 0.2], depth, "<", color=COLOURS["axis"],
+                  markersize=11)
+        rows.append((depth, bearing, f"depth {depth:.3f} m"))
+    rows.append((0.72 * shaft.length, shaft, ""))
+    for depth, part, place in rows:
+        name = getattr(part, "name", "shaft")
+        chosen = ", ".join(filter(None, (place, _words(machine, part.key, False))))
+        _label(axes, -1, depth, name, _words(machine, part.key, True))
+        _label(axes, 1, depth, name, chosen)
     axes.set(ylim=(shaft.length + 1.0, -1.6), xlim=(-12, 12), ylabel="y, m (down)", xticks=[],
              aspect="equal")
     axes.grid(visible=False)
     for side, title in ((-1, "stated by the paper"), (1, "chosen for this course")):
         axes.text(side * SIDE, -1.35, title, ha="right" if side < 0 else "left", fontsize=14,
-                  weight="bold",
-                  color=LEFT if side < 0 else RIGHT)
+                  weight="bold", color=COLOURS["x" if side < 0 else "z"])
     number = counts(machine)
-    words = (f"Of the {number.total()} numbers on the card of {machine.name}, "
-             f"{listed(f'{number[source]} {words}' for source, words in WHENCE.items() if source in number)}. "
-             "No depth of a bearing is stated.")
-    return Picture(figure, words)
+    said = listed(f"{number[source]} {words}" for source, words in WHENCE.items()
+                  if source in number)
+    return Picture(figure, f"Of the {number.total()} numbers on the card of {machine.name}, "
+                   f"{said}. No depth of a bearing is stated.")

@@ -20,7 +20,8 @@ from hydrolab.machine.cards import SOURCES, card_keys
 
 DISPLAY = re.compile(r"^\$\$.*?\\tag\{([^}]*)\}\s*\$\$", re.DOTALL | re.MULTILINE)
 # What is no running text: fenced and inline code, displayed and inline mathematics, links, tags.
-APART = re.compile(r"(```.*?```|`[^`\n]*`|\$\$.*?\$\$|\$[^$\n]*\$|!?\[[^\]]*\]\([^)]*\)|<[^>\n]*>)", re.DOTALL)
+APART = re.compile(r"(```.*?```|`[^`\n]*`|\$\$.*?\$\$|\$[^$\n]*\$|!?\[[^\]]*\]\([^)]*\)|<[^>\n]*>)",
+                   re.DOTALL)
 NAMED = re.compile(r"\((\d+\.\d+)\)")
 DOI = re.compile(r"\bdoi:(10\.\d{4,}/[^\s,;]*[^\s,;.])")
 PARTS = {"A rotor in a field": range(0, 4), "Steady states": range(4, 6),
@@ -55,8 +56,8 @@ def heading_anchor(title: str) -> str:
 
 
 def contents(book: Path, more: Sequence[str] = ()) -> str:
-    """The tables of contents below the first page: chapters by part, pages for reference, and
-    `more` pages.
+    """The tables of contents below the first page of a book: chapters by part, pages for
+    reference, and `more` pages.
     """
     names = list(chapters(book))
     lists = {part: [name for name in names if int(name[:2]) in numbers]
@@ -74,7 +75,7 @@ def equations(book: Path) -> dict[str, str]:
 
 
 def chapter_page(text: str, places: Mapping[str, str]) -> str:
-    """A notebook's file as the page's source. places: the page of each equation."""
+    """The text of a notebook's file as the page's source. places: the page of each equation."""
     notebook = json.loads(text)
     for cell in notebook["cells"]:
         if cell["cell_type"] == "markdown":
@@ -85,26 +86,26 @@ def chapter_page(text: str, places: Mapping[str, str]) -> str:
 
 
 def scene_name(static_eccentricity: float, leg: int) -> str:
-    """The name of a recorded scene's file, without its ending: per cent of the gap, and the leg as
-    people count.
+    """The name of a recorded scene's file, without its ending: its static eccentricity in per cent
+    of the gap, and the leg as people count.
     """
     return f"{100 * static_eccentricity:g}-{leg + 1}"
 
 
 def with_scenes(text: str, readings: Mapping[str, str]) -> str:
-    """A chapter's file with recorded 3D scenes before its exercises, under a heading; each loads
-    when a reader comes near.
-
-    readings: what each scene shows, by where its file is.
+    """The text of a chapter's file with recorded 3D scenes before its exercises, under a heading;
+    each loads when a reader comes near. readings: what each scene shows, by where its file is.
     """
     notebook = json.loads(text)
     heading = "## The machine in 3D\n\n"
-    scene = "Drag to look around. A recording turns in a loop; `hydrolab show` opens the live machine."
+    scene = ("Drag to look around. A recording turns in a loop; `hydrolab show` opens the live "
+             "machine.")
     if not any(heading in text for text in sources(notebook)):
         scene = heading + scene
     for place, reading in readings.items():
         words = html.escape(reading, quote=True)
-        scene += f'\n\n<iframe class="scene" loading="lazy" title="{words}" src="{place}"></iframe>\n\n{words}'
+        scene += (f'\n\n<iframe class="scene" loading="lazy" title="{words}" src="{place}">'
+                  f"</iframe>\n\n{words}")
     at = next(i for i, cell in enumerate(notebook["cells"])
               if "## Exercises" in _joined(cell["source"]).split("\n"))
     notebook["cells"].insert(at, {"cell_type": "markdown", "id": "scene", "metadata": {},
@@ -113,7 +114,9 @@ def with_scenes(text: str, readings: Mapping[str, str]) -> str:
 
 
 def linked(text: str, places: Mapping[str, str]) -> str:
-    """Markdown with an anchor at each numbered equation, and a link wherever one is named."""
+    """Markdown text with an anchor at each numbered equation, and a link wherever one is named;
+    places: the page of each.
+    """
     text = DISPLAY.sub(lambda found: f'<span id="{anchor(found[1])}"></span>\n\n{found[0]}', text)
 
     def link(found: re.Match[str]) -> str:
@@ -147,8 +150,8 @@ def _open_flipbooks(cell: Cell) -> None:
 
 
 def flipbook_figure(still: str, book: Mapping) -> str:
-    """The still picture with a slider below it; a page without JavaScript shows the still picture
-    alone.
+    """The still picture with a slider below it for the frames of its book; a page without
+    JavaScript shows the still picture alone.
     """
     label, start = html.escape(book["label"]), book["start"]
     frames = json.dumps(book["frames"], ensure_ascii=False).replace("</", "<\\/")

@@ -25,13 +25,14 @@ _KEPT: dict[str, Prediction] = {}  # of this kernel, that is, of one chapter
 
 
 def predict(name: str, value: Any, unit: str = "", *, choices: Sequence[str] = ()) -> None:
-    """Keep a prediction, a number of `unit` or one of `choices`, until `answer` is called with the
-    same name.
+    """Keep a predicted value, a number of `unit` or one of `choices`, until `answer` is called with
+    the same name.
 
     `...` is a prediction not made yet: it is kept as such, with a word on how to make it.
     """
     _KEPT[name] = Prediction(value, unit, tuple(choices))
-    wanted = f"one of {', '.join(map(repr, choices))}" if choices else f"a number{f' of {unit}' if unit else ''}"
+    wanted = (f"one of {', '.join(map(repr, choices))}" if choices
+              else f"a number of {unit}" if unit else "a number")
     if value is ...:
         print(f"{name}: no prediction yet. Put {wanted} in place of ... and run this cell again.")
     elif choices and str(value).strip().lower() not in {choice.lower() for choice in choices}:
@@ -47,17 +48,14 @@ def answer(name: str, computed: float | str, why: str = "") -> None:
     """
     if name not in _KEPT:
         raise BadInput(f"Nothing was predicted under {name!r}; run the cell with predict({name!r}, "
-                       "…) first. "
-                       f"Predicted so far: {', '.join(_KEPT) or 'nothing'}.")
+                       f"…) first. Predicted so far: {', '.join(_KEPT) or 'nothing'}.")
     kept = _KEPT[name]
     kept.outcome = answered(kept.value, computed, kept.unit)
     print(f"{name}: {kept.outcome}{' ' + why if why else ''}")
 
 
 def recall() -> None:
-    """Print every prediction of this chapter with its outcome, in the order in which they were
-    made.
-    """
+    """Print every prediction of this chapter with its outcome, in the order of their making."""
     for name, kept in _KEPT.items():
         print(f"{name}: {kept.outcome or 'not computed yet; run the cells above.'}")
 
@@ -66,26 +64,30 @@ def answered(prediction: Any, computed: float | str, unit: str = "") -> str:
     """One sentence: the prediction, the computed value, how far apart they are; `...` is a
     prediction not made yet.
 
-    computed: a number, shown with three significant digits, or a word that was to be chosen.
+    computed: a number of `unit`, shown with three significant digits, or a word that was to be
+    chosen.
     """
-    result = _quantity(computed, unit)
+    result = f"Computed: {_quantity(computed, unit)}."
     if prediction is ...:
-        return f"Computed: {result}. You have not predicted it: put your answer in place of ... and run both cells again."
+        return (f"{result} You have not predicted it: put your answer in place of ... and run both "
+                "cells again.")
     if isinstance(computed, str):
         same = str(prediction).strip().lower() == computed.lower()
-        return f"Computed: {result}. You said {prediction}: {'the same' if same else 'not the same'}."
+        return f"{result} You said {prediction}: {'the same' if same else 'not the same'}."
     try:
         value = float(prediction)
     except (TypeError, ValueError):
-        return f"Computed: {result}. You said {prediction!r}, which is not a number{f' of {unit}' if unit else ''}."
+        of = f" of {unit}" if unit else ""
+        return f"{result} You said {prediction!r}, which is not a number{of}."
+    said = f"{result} You said {_quantity(value, unit)}"
     if value == 0 or computed == 0:
-        return f"Computed: {result}. You said {_quantity(value, unit)}."
+        return f"{said}."
     if (value > 0) != (computed > 0):
-        return f"Computed: {result}. You said {_quantity(value, unit)}: the other sign."
+        return f"{said}: the other sign."
     ratio = value / computed
-    verdict = "within 10 %" if abs(ratio - 1) <= 0.1 else (
-        f"{ratio:.2g} times as much" if ratio > 1 else f"{100 * ratio:.2g} % of it")
-    return f"Computed: {result}. You said {_quantity(value, unit)}: {verdict}."
+    if abs(ratio - 1) <= 0.1:
+        return f"{said}: within 10 %."
+    return f"{said}: {f'{ratio:.2g} times as much' if ratio > 1 else f'{100 * ratio:.2g} % of it'}."
 
 
 def _quantity(value: Any, unit: str) -> str:

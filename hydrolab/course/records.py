@@ -130,7 +130,7 @@ def steady_state(condition: Condition, *, field: bool = True) -> PeriodicOrbit:
 
 
 def record(condition: Condition, *, field: bool = True, seed: int = 0) -> Record:
-    """A record of the unit in a condition; the seed fixes the noise."""
+    """A record of the unit in a condition, with its field or without; the seed fixes the noise."""
     orbit = steady_state(condition, field=field)
     phase = 2 * np.pi * np.arange(REVOLUTIONS * SAMPLES) / SAMPLES
     rows, noise = fourier_rows(HARMONICS, phase), np.random.default_rng([seed, field])
@@ -141,7 +141,9 @@ def record(condition: Condition, *, field: bool = True, seed: int = 0) -> Record
 
 
 def recording(condition: Condition, name: str = "", seed: int = 0) -> Recording:
-    """A machine in a condition, recorded with the field and without."""
+    """A machine in a condition under a name, recorded with the field and without; the seed fixes
+    the noise.
+    """
     return Recording(name, record(condition, seed=seed), record(condition, field=False, seed=seed))
 
 
@@ -185,8 +187,8 @@ def evidence(case: Recording) -> Evidence:
 
 
 def diagnose(found: Evidence, reference: Evidence) -> str:
-    """The fault that the evidence points to, against the machine when it was put into service, or
-    "none".
+    """The fault that the evidence found points to, against the reference, the machine when it was
+    put into service; or "none".
     """
     if found.bearing_share > 1.1 * reference.bearing_share:
         return SOFT
@@ -232,8 +234,8 @@ def size_said(number: int) -> str:
 
 
 def grade(number: int, fault: str) -> str:
-    """What to say to whoever names the fault of a numbered machine: right, or what would have told
-    the two apart.
+    """What to say to whoever names the fault of the machine of a number: right, or what would have
+    told the two apart.
 
     Raises BadInput for a fault that is none of the four.
     """
@@ -242,4 +244,5 @@ def grade(number: int, fault: str) -> str:
     true = condition_of(int(number))[0]
     if fault == true:
         return f"right. Machine {number} has {size_said(number)}."
-    return f"not {fault}. {TELLS[frozenset((fault, true))]} Machine {number} has {size_said(number)}."
+    tells = TELLS[frozenset((fault, true))]
+    return f"not {fault}. {tells} Machine {number} has {size_said(number)}."

@@ -176,7 +176,8 @@ def without_pixels(notebook: Notebook) -> Notebook:
 
 
 def changes(old: Notebook, new: Notebook) -> str:
-    """What differs between two notebooks, pixels aside, in nbdime's words; "" where nothing does.
+    """What differs between an old and a new notebook, pixels aside, in nbdime's words; "" where
+    nothing does.
 
     Raises BadInput where nbdime is missing.
     """
@@ -234,7 +235,8 @@ def refresh_all(book: Path, chapters: Sequence[str] = (), *, compare: bool = Fal
     known = {str(int(path.name[:2])): path for path in sorted(book.glob("[0-9][0-9]-*.ipynb"))}
     paths = []
     for chapter in chapters or known:
-        path = Path(chapter) if chapter.endswith(".ipynb") else known.get(chapter.lstrip("0") or "0")
+        own = chapter.endswith(".ipynb")
+        path = Path(chapter) if own else known.get(chapter.lstrip("0") or "0")
         if path is None:
             raise BadInput(f"The book has no chapter {chapter}; it has {', '.join(known)}.")
         paths.append(path)

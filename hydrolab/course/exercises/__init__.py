@@ -10,6 +10,8 @@ import pkgutil
 from hydrolab.course.answers import Exercise
 from hydrolab.errors import BadInput
 
+__all__ = ["chapters", "exercise"]
+
 
 def chapters() -> dict[int, dict[str, Exercise]]:
     """The exercises of every chapter that has some, by chapter and number."""
@@ -31,6 +33,7 @@ def exercise(number: str) -> Exercise:
         if any(module.name == name for module in pkgutil.iter_modules(__path__)):
             of_chapter = importlib.import_module(f"{__name__}.{name}").EXERCISES
     if number not in of_chapter:
-        known = f"chapter {chapter} has {', '.join(of_chapter)}" if of_chapter else f"no chapter {chapter!r} has checks"
+        known = (f"chapter {chapter} has {', '.join(of_chapter)}" if of_chapter
+                 else f"no chapter {chapter!r} has checks")
         raise BadInput(f"There is no exercise {number!r} to check; {known}.")
     return of_chapter[number]

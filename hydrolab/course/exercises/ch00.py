@@ -75,8 +75,8 @@ EXERCISES = {
         Mistake(lambda right: orbit(0.0),
                 "This orbit is centred: give the eccentricity to `solve`."),
         Mistake(lambda right: orbit(-0.03), "The stator moved the other way, towards −x."),
-        Mistake(lambda right: orbit(0.003), "The eccentricity is a fraction of the gap: 3 % is "
-                                            "0.03."),
+        Mistake(lambda right: orbit(0.003),
+                "The eccentricity is a fraction of the gap: 3 % is 0.03."),
         Mistake(lambda right: orbit(0.088), "This is the orbit at 8.8 %."),
     )),
     "0.3": Exercise(sources, see="Where each number comes from", rtol=0.0),

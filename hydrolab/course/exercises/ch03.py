@@ -52,7 +52,8 @@ def left(revolutions: float) -> str:
         return f"noted, but {revolutions:g} is not a number of revolutions from 1 to 100000."
     damping = model().C[0, 0] / (2 * model().M[0, 0])
     rest = 1e3 * math.exp(-damping * 2 * math.pi * revolutions / speed())
-    return f"noted. Of a start that is 1 mm off, about {rest:.2g} µm are left after {revolutions:.0f} revolutions."
+    return (f"noted. Of a start that is 1 mm off, about {rest:.2g} µm are left after "
+            f"{revolutions:.0f} revolutions.")
 
 
 LIMIT, ORDER = "How large may the step be", "The order, measured"
@@ -68,8 +69,8 @@ EXERCISES = {
     )),
     "3.2": Exercise(lambda: 2 * math.pi * omega() / speed() / math.sqrt(24e-4), see="Eq. (3.5)",
                     rtol=0.01, mistakes=(
-        Mistake(lambda right: right * math.sqrt(2), "The 12 belongs to Newmark; central "
-                                                    "differences have 24.", see=LIMIT),
+        Mistake(lambda right: right * math.sqrt(2),
+                "The 12 belongs to Newmark; central differences have 24.", see=LIMIT),
         Mistake(lambda right: right / (2 * math.pi), "A revolution has 2π radians.", see=LIMIT),
         Mistake(lambda right: 2 * math.pi * omega() / speed() / 24e-4,
                 "The step enters with its square.", see=LIMIT),
@@ -79,8 +80,8 @@ EXERCISES = {
                 see=ORDER),
         Mistake(lambda right: -right, "The error falls with the step; turn the ratio over.",
                 see=ORDER),
-        Mistake(lambda right: right * math.log(2), "The logarithm must have the base by which the "
-                                                   "step changed.", see=ORDER),
+        Mistake(lambda right: right * math.log(2),
+                "The logarithm must have the base by which the step changed.", see=ORDER),
     )),
     "3.4": Exercise(lambda: 300, see="A spectrum", reply=left),
 }

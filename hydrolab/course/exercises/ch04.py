@@ -41,7 +41,7 @@ def model() -> Model:
 
 @cache
 def orbit(harmonics: int, cubic: bool = False) -> PeriodicOrbit:
-    """The steady state at 7 %, with the whole pull or to its cubic term."""
+    """The steady state at 7 % with so many harmonics, with the whole pull or to its cubic term."""
     law = CubicPull(model().law.stiffness, model().gap) if cubic else model().law
     return HarmonicBalance(harmonics).solve(replace(model(), law=law),
                                             load_machine("jeffcott").speed, ECCENTRICITY)
@@ -53,7 +53,8 @@ def kept(harmonics: float) -> str:
         return f"noted, but {harmonics:g} is not a whole number from 1 to 16."
     few = orbit(int(harmonics)).coefficients
     off = np.abs(few - orbit(24).coefficients[:, :few.shape[1]]).max()
-    return f"noted. At 7 % {harmonics:.0f} harmonics leave {1e6 * off:.2g} µm, with {few.size} unknowns."
+    return (f"noted. At 7 % {harmonics:.0f} harmonics leave {1e6 * off:.2g} µm, with {few.size} "
+            "unknowns.")
 
 
 MANY, BACK = "Any number of harmonics", "Time and back"
@@ -66,19 +67,17 @@ EXERCISES = {
         Mistake(lambda right: 2 * (2 * 8 + 1), "There are three coordinates here.", see=MANY),
     )),
     "4.2": Exercise(lambda: 3 * 4 + 4 + 1, see=BACK, rtol=1e-3, mistakes=(
-        Mistake(lambda right: 3 * 4 + 1, "This keeps the mean clean; the first four harmonics want "
-                                         "more.", see=BACK),
-        Mistake(lambda right: 2 * (3 * 4) + 1, "This finds all twelve harmonics of the force; only "
-                                               "four are asked for.",
-                see=BACK),
-        Mistake(lambda right: right - 1, "With this number the twelfth harmonic still falls on the "
-                                         "fourth.", see=BACK),
+        Mistake(lambda right: 3 * 4 + 1,
+                "This keeps the mean clean; the first four harmonics want more.", see=BACK),
+        Mistake(lambda right: 2 * (3 * 4) + 1,
+                "This finds all twelve harmonics of the force; only four are asked for.", see=BACK),
+        Mistake(lambda right: right - 1,
+                "With this number the twelfth harmonic still falls on the fourth.", see=BACK),
         Mistake(lambda right: 2 * 4 + 1, "This is enough for the motion, not for its cube.",
                 see=BACK),
     )),
     "4.3": Exercise(lambda: 1e6 * orbit(4, True).amplitudes[0, 1], see="By hand: the rotor",
-                    unit="µm", rtol=0.005,
-                    mistakes=(
+                    unit="µm", rtol=0.005, mistakes=(
         Mistake(lambda right: 1e6 * orbit(4).amplitudes[0, 1], "This is with the whole pull.",
                 see="By hand: the rotor"),
         Mistake(lambda right: 2 * right, "This is peak to peak; amplitudes are 0-to-peak here.",

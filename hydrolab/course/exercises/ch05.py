@@ -29,7 +29,7 @@ def model() -> Model:
 
 
 def ellipse(y: NDArray, parameter: float) -> tuple[NDArray, NDArray, NDArray]:
-    """y² + (λ/3)² − 1 and its derivatives in y and λ."""
+    """y² + (λ/3)² − 1 and its derivatives in y and the parameter λ."""
     return y**2 + (parameter / 3) ** 2 - 1, np.array([[2 * y[0]]]), np.array([2 * parameter / 9])
 
 
@@ -61,7 +61,7 @@ def field_factor(fold: float) -> float:
 
 @cache
 def over_speed(eccentricity: float, start: float = 100.0) -> Branch:
-    """The branch over the speed, up to 400 rpm."""
+    """The branch over the speed at an eccentricity, from a start up to 400 rpm."""
     return follow(model(), "speed", to=rpm(400), speed=rpm(start), static_eccentricity=eccentricity)
 
 
@@ -74,7 +74,8 @@ def trapped(answer: list[float]) -> str:
     """What the unguarded product and `floquet` say of a point of the branch."""
     row, steps = (int(value) for value in answer)
     if not (0 <= row < len(branch()) and 1 <= steps <= MOST_STEPS):
-        return f"a point from 0 to {len(branch()) - 1} and from 1 to {MOST_STEPS} steps are asked for; these are {answer}."
+        return (f"a point from 0 to {len(branch()) - 1} and from 1 to {MOST_STEPS} steps are asked "
+                f"for; these are {answer}.")
     orbit, counted = branch()[row], floquet(branch()[row])
     product = strang_product(split(model(), rpm(150), 2), orbit.coefficients[None],
                              orbit.centre[None], steps)[0]
@@ -93,14 +94,14 @@ EXERCISES = {
         Mistake(lambda right: right**2, "The factor stands inside the square."),
     )),
     "5.2": Exercise(lambda: field_factor(0.05), see="The rotor that whirls", rtol=0.002, mistakes=(
-        Mistake(lambda right: right**2, "This is the factor on the pull, which grows with the "
-                                        "square of the field."),
+        Mistake(lambda right: right**2,
+                "This is the factor on the pull, which grows with the square of the field."),
         Mistake(lambda right: 1 / right, "More field brings the fold down, not less."),
         Mistake(lambda right: field_factor(0.10), "This brings the fold to 10 % of the gap."),
     )),
     "5.3": Exercise(lambda: over_speed(0.03), see="Eq. (5.1)", measure=folds, mistakes=(
-        Mistake(lambda right: over_speed(0.0), "The stator stands in the centre here; give "
-                                               "`static_eccentricity`."),
+        Mistake(lambda right: over_speed(0.0),
+                "The stator stands in the centre here; give `static_eccentricity`."),
         Mistake(lambda right: over_speed(0.05), "This is the branch at 5 %."),
         Mistake(lambda right: branch(), "This follows the eccentricity; follow the speed."),
     )),

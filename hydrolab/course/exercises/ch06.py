@@ -29,11 +29,13 @@ def middle() -> float:
 
 
 def whirl(n: int, speed: float) -> tuple[float, float]:
-    """Backward (negative) and forward frequency of mode n of the pinned shaft, rad/s, Eq. (6.5)."""
-    k, area, second = n * math.pi / shaft().length, float(shaft().area[0]), float(shaft().second_moment[0])
-    inertia = shaft().density * second * k**2
-    low, high = np.sort(np.roots([shaft().density * area + inertia, -2 * inertia * speed,
-                                  -shaft().young * second * k**4]).real)
+    """Backward (negative) and forward frequency of mode n of the pinned shaft at a speed, rad/s,
+    Eq. (6.5).
+    """
+    k, s = n * math.pi / shaft().length, shaft()
+    inertia = s.density * s.second_moment[0] * k**2
+    low, high = np.sort(np.roots([s.density * s.area[0] + inertia, -2 * inertia * speed,
+                                  -s.young * s.second_moment[0] * k**4]).real)
     return float(low), float(high)
 
 
@@ -73,15 +75,17 @@ def kept(count: float) -> str:
     if count != int(count) or not 2 <= count <= 64:
         return f"noted, but {count:g} is not a whole number from 2 to 64."
     off = 100 * (frequency(int(count)) / frequency(64) - 1)
-    return f"noted. With {count:.0f} elements the third frequency is {off:.2g} % too high, with {4 * count + 4:.0f} numbers."
+    return (f"noted. With {count:.0f} elements the third frequency is {off:.2g} % too high, with "
+            f"{4 * count + 4:.0f} numbers.")
 
 
-STIFF, EXACT, MASS = "Stiffness from energy, by hand", "Against the exact shaft", "Mass, rotary inertia and spin"
+STIFF, EXACT = "Stiffness from energy, by hand", "Against the exact shaft"
+MASS = "Mass, rotary inertia and spin"
 
 EXERCISES = {
     "6.1": Exercise(lambda: middle() / 1e6, see="Eq. (6.7)", unit="MN/m", mistakes=(
-        Mistake(lambda right: 16 * right, "The diameter was taken for the radius: I goes with the "
-                                          "fourth power.", see=STIFF),
+        Mistake(lambda right: 16 * right,
+                "The diameter was taken for the radius: I goes with the fourth power.", see=STIFF),
         Mistake(lambda right: right / 16, "This is a cantilever's stiffness at its end.",
                 see=STIFF),
         Mistake(lambda right: 4 * right, "This is for ends that cannot turn.", see=STIFF),
@@ -89,8 +93,8 @@ EXERCISES = {
     "6.2": Exercise(split, see="Eq. (6.5)", rtol=0.01, mistakes=(
         Mistake(lambda right: right / 2, "This is the distance from the frequency at rest.",
                 see=EXACT),
-        Mistake(lambda right: -right / (1 + right / 100), "This is backward over forward; turn the "
-                                                          "ratio over.", see=EXACT),
+        Mistake(lambda right: -right / (1 + right / 100),
+                "This is backward over forward; turn the ratio over.", see=EXACT),
         Mistake(lambda right: 100 * (whirl(1, SPEED)[1] / -whirl(1, SPEED)[0] - 1),
                 "This is the first mode.", see=EXACT),
         Mistake(lambda right: right * math.pi / 30, "500 was taken for rpm; it is in rad/s.",
@@ -99,8 +103,8 @@ EXERCISES = {
     "6.3": Exercise(mass_share, see=MASS, rtol=0.002, mistakes=(
         Mistake(lambda right: 0.5, "Half the mass at each end is the lumped matrix, not this one.",
                 see=MASS),
-        Mistake(lambda right: 1 / 3, "This is a rod with a straight shape; here the shape is a "
-                                     "cubic.", see=MASS),
+        Mistake(lambda right: 1 / 3,
+                "This is a rod with a straight shape; here the shape is a cubic.", see=MASS),
         Mistake(lambda right: 9 / 70, "This is the coupling of the two ends.", see=MASS),
     )),
     "6.4": Exercise(lambda: 20, see="How it converges", reply=kept),

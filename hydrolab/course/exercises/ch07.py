@@ -65,23 +65,23 @@ def runaway(factor: float) -> str:
     return "noted. There is no forward critical speed below 1500 rpm."
 
 
-ARM, CRITICAL, DAMPING = "A body at the end of an arm", "Critical speeds, by hand", "Damping, and what it is worth"
+ARM, CRITICAL = "A body at the end of an arm", "Critical speeds, by hand"
+DAMPING = "Damping, and what it is worth"
 
 EXERCISES = {
-    "7.1": Exercise(lambda: inertia() / 1e3, see="Eq. (7.2)", mistakes=(
-        Mistake(lambda right: unit().body("generator").Id / 1e3, "The arm is missing: Steiner's "
-                "theorem.", see=ARM),
-        Mistake(lambda right: (unit().body("generator").Ip + inertia()
-                               - unit().body("generator").Id) / 1e3,
+    "7.1": Exercise(lambda: inertia() / 1e3, see="Eq. (7.2)", rtol=0.005, mistakes=(
+        Mistake(lambda right: unit().body("generator").Id / 1e3,
+                "The arm is missing: Steiner's theorem.", see=ARM),
+        Mistake(
+                lambda right: 1e-3 * (unit().body("generator").Ip + inertia()
+                                      - unit().body("generator").Id),
                 "This has Ip in place of Id.", see=ARM),
         Mistake(lambda right: 1e3 * right, "This is in kg m².", see=ARM),
-    ), rtol=0.005),
+    )),
     "7.2": Exercise(lambda: float(crossings().critical_speeds[2] / rpm(1)), see="Eq. (7.5)",
-                    unit="rpm", rtol=0.005,
-                    mistakes=(
-        Mistake(lambda right: float(crossings().hertz[0, 2] * 60), "This is the third natural "
-                "frequency at rest.",
-                see=CRITICAL),
+                    unit="rpm", rtol=0.005, mistakes=(
+        Mistake(lambda right: float(crossings().hertz[0, 2] * 60),
+                "This is the third natural frequency at rest.", see=CRITICAL),
         Mistake(lambda right: float(crossings().critical_speeds[1] / rpm(1)),
                 "This is the second one.", see=CRITICAL),
         Mistake(lambda right: float(crossings().critical_speeds[3] / rpm(1)),

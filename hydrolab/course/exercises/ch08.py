@@ -36,7 +36,8 @@ def model() -> Model:
 
 def kappa(depth: float, *, link: float = LINK, span_from: float | None = None, bending: float = 1.0,
           shear: float = 1.0) -> float:
-    """Stiffness at the generator over the pull's, Eq. (8.1), for a guide bearing at a depth, m.
+    """Stiffness at the generator over the pull's, Eq. (8.1), for a guide bearing at a depth, m,
+    and a link of the generator to the shaft top, m.
 
     span_from: depth from which the span to the turbine bearing is counted. bending, shear: factors
     on these parts.
@@ -54,7 +55,9 @@ def kappa(depth: float, *, link: float = LINK, span_from: float | None = None, b
 
 @cache
 def factor(amplitude: float, with_field: bool = True) -> float:
-    """Factor on the card's unbalances for a centred circle of this radius, m."""
+    """Factor on the card's unbalances for a centred circle of this amplitude, m, with_field or
+    without.
+    """
     return unbalance_scale(model(), rpm(150), amplitude, with_field=with_field)
 
 
@@ -83,31 +86,28 @@ READINGS = "Two readings of 200 µm"
 
 EXERCISES = {
     "8.1": Exercise(lambda: kappa(EQUAL), see="Eq. (8.1)", mistakes=(
-        Mistake(lambda right: right * model().law.stiffness / 1e6, "This is the stiffness in MN/m; "
-                "κ is its ratio to "
-                "the pull's.", see=STIFF),
-        Mistake(lambda right: right * model().law.stiffness, "This is the stiffness in N/m; κ is "
-                "its ratio to the "
-                "pull's.", see=STIFF),
+        Mistake(lambda right: right * model().law.stiffness / 1e6,
+                "This is the stiffness in MN/m; κ is its ratio to the pull's.", see=STIFF),
+        Mistake(lambda right: right * model().law.stiffness,
+                "This is the stiffness in N/m; κ is its ratio to the pull's.", see=STIFF),
         Mistake(lambda right: 1 / right, "This is the pull over the stiffness, upside down.",
                 see=STIFF),
-        Mistake(lambda right: kappa(EQUAL, link=0.0), "The force acts at the generator centre, "
-                                                      "which stands above the "
-                "shaft top.", see=STIFF),
+        Mistake(lambda right: kappa(EQUAL, link=0.0),
+                "The force acts at the generator centre, which stands above the shaft top.",
+                see=STIFF),
         Mistake(lambda right: kappa(2 * EQUAL), "That is the second node below the shaft top.",
                 see=STIFF),
-        Mistake(lambda right: kappa(EQUAL, bending=1 / 16), "In I a diameter was taken for a "
-                "radius: it makes the shaft "
-                "16 times too stiff in bending."),
+        Mistake(lambda right: kappa(EQUAL, bending=1 / 16),
+                "In I a diameter was taken for a radius: it makes the shaft 16 times too stiff "
+                "in bending."),
     )),
     "8.2": Exercise(lambda: factor(AMPLITUDE / 2), see="Eq. (8.3)", mistakes=(
-        Mistake(lambda right: factor(2 * AMPLITUDE), "Peak-to-peak is twice the radius, not half "
-                                                     "of it.", see=READINGS),
+        Mistake(lambda right: factor(2 * AMPLITUDE),
+                "Peak-to-peak is twice the radius, not half of it.", see=READINGS),
         Mistake(lambda right: factor(AMPLITUDE), "This keeps the radius of the card.",
                 see=READINGS),
-        Mistake(lambda right: factor(AMPLITUDE / 2, False), "This is without field; the colleague "
-                "counts with it.",
-                see=READINGS),
+        Mistake(lambda right: factor(AMPLITUDE / 2, False),
+                "This is without field; the colleague counts with it.", see=READINGS),
         Mistake(lambda right: right * 2**0.5,
                 "This is for an rms value; peak-to-peak is asked for.", see=READINGS),
     )),
@@ -115,14 +115,13 @@ EXERCISES = {
                     unit="%", mistakes=(
         Mistake(lambda right: fold_percent(1.0), "This is the fold with the card's unbalances.",
                 see=READINGS),
-        Mistake(lambda right: fold_percent(factor(2 * AMPLITUDE)), "This machine has too much "
-                "unbalance: peak-to-peak is "
-                "twice the radius.", see=READINGS),
-        Mistake(lambda right: fold_percent(0.0), "This is the static pull-in, without any "
-                                                 "unbalance."),
-        Mistake(lambda right: fold_percent(factor(AMPLITUDE / 2, False)),
-                "This counts the 200 µm without field.",
+        Mistake(lambda right: fold_percent(factor(2 * AMPLITUDE)),
+                "This machine has too much unbalance: peak-to-peak is twice the radius.",
                 see=READINGS),
+        Mistake(lambda right: fold_percent(0.0),
+                "This is the static pull-in, without any unbalance."),
+        Mistake(lambda right: fold_percent(factor(AMPLITUDE / 2, False)),
+                "This counts the 200 µm without field.", see=READINGS),
     )),
     "8.4": Exercise(lambda: 80.0, see="One depth for one fold", reply=another_machine),
 }

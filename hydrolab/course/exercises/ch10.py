@@ -71,33 +71,32 @@ EXERCISES = {
     "10.1": Exercise(lambda: 1e3 * orbit(0.05).smallest_gap, see="Figures 5, 6 and 7", unit="mm",
                      rtol=0.002, mistakes=(
         Mistake(lambda right: 1e3 * 0.95 * model().law.gap,
-                "This is the gap of a rotor that stays at the bearing axis: the pull displaces it, "
-                "and it whirls."),
+                "This is the gap of a rotor that stays at the bearing axis: the pull displaces "
+                "it, and it whirls."),
         Mistake(lambda right: 1e3 * (0.95 * model().law.gap - abs(orbit(0.05).mean[0])),
                 "This is the gap of the mean position; the whirl takes a part of it."),
-        Mistake(lambda right: 1e3 * orbit(0.0).smallest_gap, "This is the gap of the centred "
-                "machine."),
+        Mistake(lambda right: 1e3 * orbit(0.0).smallest_gap,
+                "This is the gap of the centred machine."),
     )),
     "10.2": Exercise(lambda: grown_at("1X", 2.0), see="Figures 5, 6 and 7", unit="%", rtol=0.005,
                      mistakes=(
-        Mistake(lambda right: grown_at("1X", 3.0), "Grown by twice its value is three times as "
-                                                   "much; twice is asked for."),
+        Mistake(lambda right: grown_at("1X", 3.0),
+                "Grown by twice its value is three times as much; twice is asked for."),
         Mistake(lambda right: grown_at("1X", 1.5), "Here it has grown by a half."),
         Mistake(lambda right: 100 * branch().folds[0].value, "This is the fold."),
     )),
     "10.3": Exercise(lambda: 100 * branch(0.5).folds[0].value, see="Past the fold", unit="%",
                      rtol=0.003, mistakes=(
-        Mistake(lambda right: 100 * branch().folds[0].value, "This is the fold with all of the "
-                "unbalance."),
-        Mistake(lambda right: 100 * branch(0.0).folds[0].value, "This is the static pull-in, "
-                "without any unbalance.",
+        Mistake(lambda right: 100 * branch().folds[0].value,
+                "This is the fold with all of the unbalance."),
+        Mistake(lambda right: 100 * branch(0.0).folds[0].value,
+                "This is the static pull-in, without any unbalance.",
                 see="Limit check: back to chapter 2"),
-        Mistake(lambda right: 50 * branch().folds[0].value, "The fold does not go in proportion to "
-                "the unbalance."),
-        Mistake(lambda right: 100 * branch(2.0).folds[0].value, "This is the fold with twice the "
-                "unbalance."),
+        Mistake(lambda right: 50 * branch().folds[0].value,
+                "The fold does not go in proportion to the unbalance."),
+        Mistake(lambda right: 100 * branch(2.0).folds[0].value,
+                "This is the fold with twice the unbalance."),
     )),
     "10.4": Exercise(lambda: min(warnings(), key=warnings().__getitem__), see="Figures 5, 6 and 7",
-                     choices=READINGS,
-                     reply=said_of),
+                     choices=READINGS, reply=said_of),
 }

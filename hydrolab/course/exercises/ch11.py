@@ -57,7 +57,8 @@ def two_shapes(said: Sequence[float]) -> str:
     stator, rotor, percent = said
     if any(order != int(order) or not 1 <= order <= 12
            for order in (stator, rotor)) or not 0 < percent <= 20:
-        return "noted, but orders are whole numbers from 1 to 12, and a size lies between 0 and 20 %."
+        return ("noted, but orders are whole numbers from 1 to 12, and a size lies between 0 and "
+                "20 %.")
     gap, size = unit().air_gap.gap, percent / 100 * unit().air_gap.gap
     law = shaped_law(unit().air_gap.pull_stiffness, gap, (Bulge(int(stator), size),),
                      (Bulge(int(rotor), size),))
@@ -81,8 +82,8 @@ def eccentric_2x() -> float:
 
 EXERCISES = {
     "11.1": Exercise(lambda: shape_force(unit().air_gap.gap), see="Eq. (11.3)", unit="N", mistakes=(
-        Mistake(lambda right: 4 * right, "These are amplitudes, not peak-to-peak sizes; the force "
-                                         "holds their product."),
+        Mistake(lambda right: 4 * right,
+                "These are amplitudes, not peak-to-peak sizes; the force holds their product."),
         Mistake(lambda right: right / 1.5, "The factor three halves is missing."),
         Mistake(lambda right: right / SIZE, "The force holds the product of both sizes."),
         Mistake(lambda right: shape_force(unit().air_gap.gap / 2), "The gap g0 is 11 mm."),
@@ -90,8 +91,8 @@ EXERCISES = {
     "11.2": Exercise(turns_of_four_lobes, see="A selection rule", rtol=0.0, atol=0.1, mistakes=(
         Mistake(lambda right: 4, "The stator's order is the higher one: look at the sense again."),
         Mistake(lambda right: -5, "The turns are counted by the shape that turns."),
-        Mistake(lambda right: 5, "The turns are counted by the shape that turns, and its order is "
-                                 "the lower one."),
+        Mistake(lambda right: 5,
+                "The turns are counted by the shape that turns, and its order is the lower one."),
         Mistake(lambda right: 1, "Only two shapes of the rotor make a force that turns with it."),
         Mistake(lambda right: 0, "Only two shapes of the stator make a force that stands still."),
     )),

@@ -11,16 +11,7 @@ from scipy.optimize import brentq
 
 from hydrolab import HarmonicBalance, load_machine, rpm
 from hydrolab.course.answers import Exercise, Mistake
-from hydrolab.course.records import (
-    ECCENTRICITY,
-    FAULTS,
-    OVALITY,
-    SOFT,
-    TELLS,
-    UNBALANCE,
-    condition_of,
-    grade,
-)
+from hydrolab.course.records import FAULTS, TELLS, condition_of, grade
 from hydrolab.dynamics.harmonics import fourier_rows
 from hydrolab.machine.parts import Machine
 
@@ -36,7 +27,7 @@ def unit() -> Machine:
 
 
 def border(zone: int, speed: float = 150) -> float:
-    """Zone border, m peak-to-peak, at a speed in rpm, Eq. (12.4)."""
+    """Border of a zone, m peak-to-peak, at a speed in rpm, Eq. (12.4)."""
     return 1e-6 * 10 ** (ZONES[zone] - 0.0704 * math.log10(speed))
 
 
@@ -53,7 +44,7 @@ def reaches(size: float) -> float:
 
 
 def permitted(name: str, speed: float) -> float:
-    """Unbalance that G 6.3 permits, kg m, Eq. (12.5)."""
+    """Unbalance that G 6.3 permits the body of this name at a speed, rad/s; kg m, Eq. (12.5)."""
     return 6.3e-3 / speed * unit().body(name).mass
 
 
@@ -64,9 +55,10 @@ def own_machine(said: dict[str, Any]) -> str:
         return f"noted, but {number!r} is not a whole number."
     if fault not in FAULTS:
         return f"noted, but the faults are {', '.join(FAULTS)}."
-    few = "" if len(said["evidence"].split()) >= 5 else " Evidence needs numbers: write them down as well."
+    few = len(said["evidence"].split()) < 5
     verdict = grade(int(number), fault)
-    return f"noted. {verdict[0].upper()}{verdict[1:]}{few}"
+    return (f"noted. {verdict[0].upper()}{verdict[1:]}"
+            + " Evidence needs numbers: write them down as well." * few)
 
 
 def other(fault: str) -> Mistake:
@@ -84,8 +76,8 @@ EXERCISES = {
     )),
     "12.2": Exercise(lambda: permitted("turbine", rpm(150)), see="Eq. (12.5)", mistakes=(
         Mistake(lambda right: permitted("turbine", 150), "The speed must be in rad/s, not in rpm."),
-        Mistake(lambda right: permitted("turbine", 2.5), "The speed must be in rad/s, not in "
-                                                         "revolutions per second."),
+        Mistake(lambda right: permitted("turbine", 2.5),
+                "The speed must be in rad/s, not in revolutions per second."),
         Mistake(lambda right: 1000 * right, "The grade is in mm/s; the card is in metres."),
         Mistake(lambda right: permitted("generator", rpm(150)), "This is the generator's."),
         Mistake(lambda right: 6.3e-3 / rpm(150) ** 2 * unit().body("turbine").mass,
@@ -94,16 +86,14 @@ EXERCISES = {
     "12.3": Exercise(lambda: reaches(border(1)), see="Limits, and how sure they are", unit="%",
                      rtol=0.002, mistakes=(
         Mistake(lambda right: reaches(border(0)), "This is where zone A ends."),
-        Mistake(lambda right: reaches(border(1, rpm(150))), "The curve takes the speed in rpm, not "
-                "in rad/s.",
-                see="Eq. (12.4)"),
-        Mistake(lambda right: reaches(border(1, 2.5)), "The curve takes the speed in rpm, not in "
-                                                       "revolutions per second.",
+        Mistake(lambda right: reaches(border(1, rpm(150))),
+                "The curve takes the speed in rpm, not in rad/s.", see="Eq. (12.4)"),
+        Mistake(lambda right: reaches(border(1, 2.5)),
+                "The curve takes the speed in rpm, not in revolutions per second.",
                 see="Eq. (12.4)"),
     )),
-    "12.4": Exercise(lambda: condition_of(7)[0], see="Four faults", choices=FAULTS, mistakes=tuple(
-        other(fault) for fault in (ECCENTRICITY, UNBALANCE, OVALITY, SOFT)
-        if fault != condition_of(7)[0])),
+    "12.4": Exercise(lambda: condition_of(7)[0], see="Four faults", choices=FAULTS,
+                     mistakes=tuple(other(fault) for fault in FAULTS if fault != condition_of(7)[0])),
     "12.5": Exercise(lambda: {"number": 2026, "fault": condition_of(2026)[0],
                               "evidence": "which numbers speak for it"},
                      see="Four faults", reply=own_machine),
