@@ -99,8 +99,8 @@ def check_port(ip: str, port: int) -> None:
 
 
 def lab_arguments(folder: Path, *, ip: str, port: int | None, browser: bool) -> list[str]:
-    """Return JupyterLab's own arguments for a folder to open, an ip to listen on, a port (None: 8888
-    or the next free one) and whether it opens a browser.
+    """Return JupyterLab's own arguments for a folder to open, an ip to listen on, a port (None for
+    8888 or the next free one) and whether it opens a browser.
     """
     first = next((path.name for path in sorted(folder.glob("00*.ipynb"))), None)
     arguments = [

@@ -262,16 +262,30 @@ def is_named(argument: str, words: str) -> bool:
     return any(re.search(rf"(?<!\w){re.escape(form)}(?!\w)", words) for form in forms)
 
 
+CLASSES = {node.name: node for tree in TREES.values() for node in tree.body
+           if isinstance(node, ast.ClassDef)}
+
+
+def described(owner: str, method: str) -> str:
+    """What a class and those that it derives from say of themselves and of a method."""
+    if owner not in CLASSES:
+        return ""
+    own = [node for node in CLASSES[owner].body
+           if isinstance(node, ast.FunctionDef) and node.name == method]
+    words = [ast.get_docstring(node) or "" for node in (CLASSES[owner], *own)]
+    return " ".join([*words, *(described(ast.unparse(base), method)
+                               for base in CLASSES[owner].bases)])
+
+
 @pytest.mark.parametrize("module", [name for name in MODULES if name.startswith(TIDY)])
 def test_every_argument_is_named(module):
     """Of a public function with two or more, in its docstring or its class's."""
-    classes = {node.name: ast.get_docstring(node) or "" for node in TREES[module].body
-               if isinstance(node, ast.ClassDef)}
     unnamed = {}
     for name, node in public_definitions(TREES[module]):
         if isinstance(node, ast.ClassDef) or len(arguments(node)) < 2:
             continue
-        words = f"{ast.get_docstring(node)} {classes.get(name.partition('.')[0], '')}"
+        owner, _, own = name.rpartition(".")
+        words = f"{ast.get_docstring(node)} {described(owner, own) if owner else ''}"
         if missing := [arg for arg in arguments(node) if not is_named(arg, words)]:
             unnamed[name] = missing
     assert not unnamed

@@ -309,7 +309,7 @@ class Handler(http.server.SimpleHTTPRequestHandler):
 
 
 def serve_site(folder: Path, port: int = 0) -> http.server.ThreadingHTTPServer:
-    """A server of a built site on this computer alone, not yet running; port 0 takes a free one.
+    """A server of the site built in a folder, on this computer alone, not yet running; port 0 takes a free one.
 
     Raises BadInput where the port is taken.
     """

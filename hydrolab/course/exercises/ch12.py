@@ -93,7 +93,8 @@ EXERCISES = {
                 see="Eq. (12.4)"),
     )),
     "12.4": Exercise(lambda: condition_of(7)[0], see="Four faults", choices=FAULTS,
-                     mistakes=tuple(other(fault) for fault in FAULTS if fault != condition_of(7)[0])),
+                     mistakes=tuple(other(fault) for fault in FAULTS
+                                    if fault != condition_of(7)[0])),
     "12.5": Exercise(lambda: {"number": 2026, "fault": condition_of(2026)[0],
                               "evidence": "which numbers speak for it"},
                      see="Four faults", reply=own_machine),
