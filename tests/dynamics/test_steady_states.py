@@ -109,14 +109,14 @@ def test_a_torus_beyond_a_neimark_sacker_point(make_jeffcott, speed):
     point = next(c for c in branch_stability(leg).crossings if c.kind.startswith("Neimark"))
     angle = float(point.kind.split(",")[1].split("°")[0]) / 360
     below = [o for o in orbits_at(leg, point.value - 1e-4) if floquet(o).verdict == "stable"][-1]
-    tori = [poincare(below, point.value + away, revolutions=1800, keep=600)
-            for away in (2e-4, 5e-4)]
+    tori = [poincare(below, point.value + away, revolutions=1500, keep=500)
+            for away in (5e-4, 1e-3)]
     assert [t.period[-1] for t in tori] == [0, 0]
     near, far = (t.rotation_number for t in tori)
-    assert near == pytest.approx(angle, abs=4e-4)
-    assert near - 2 / 3 * (far - near) == pytest.approx(angle, abs=2e-4)  # at the point itself
+    assert near == pytest.approx(angle, abs=1e-3)
+    assert near - (far - near) == pytest.approx(angle, abs=2e-4)  # at the point itself
     sizes = [np.ptp(t.section[0][:, 0]) for t in tori]
-    assert (sizes[1] / sizes[0]) ** 2 == pytest.approx(2.5, rel=0.5)
+    assert (sizes[1] / sizes[0]) ** 2 == pytest.approx(2, rel=0.15)
     calm = poincare(orbits_at(leg, 0.05)[0], 0.05, revolutions=300, keep=20)
     assert calm.settled[0] and math.isnan(calm.rotation_number)
 
