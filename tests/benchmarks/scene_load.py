@@ -1,4 +1,5 @@
-"""The 3D view under load: `python -m tests.benchmarks.scene_load [--minutes 2] [--viewers 30]`.
+"""The 3D view under load: `python -m tests.benchmarks.scene_load [--minutes 2] [--viewers 30]`;
+with `--quick` a few seconds of each, to see that it runs.
 
 Clients in a process of their own say where their camera is, which makes them viewers, and read what
 a browser would. Reported: poses a second that one of them received, the server's share of one core,
@@ -16,11 +17,14 @@ import random
 import resource
 import statistics
 import time
+from collections.abc import Iterator, Sequence
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import msgspec
 import viser
 import zstandard
+from viser import ViserServer
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
@@ -57,10 +61,11 @@ async def watch(address: str, until: float, counts: bool) -> float:
             if counts and isinstance(data, bytes):
                 found = poses_in(data)
                 if found and start is None:
-                    start = time.time() + 5.0  # until all the others are there
+                    # until all the others are there
+                    start = time.time() + min(5.0, (until - time.time()) / 2)
                 elif start is not None and time.time() > start:
                     poses += found
-        return poses / (time.time() - start) if start else 0.0
+        return poses / max(time.time() - start, 0.1) if start else 0.0
 
 
 async def come_and_go(address: str, until: float, deaf: bool) -> None:
@@ -78,9 +83,8 @@ async def come_and_go(address: str, until: float, deaf: bool) -> None:
                 await watch(address, stay, False)
 
 
-def crowd(port: int, viewers: int, seconds: float, moving: bool,
-          answer: multiprocessing.Queue) -> None:
-    """The clients' process."""
+def crowd(port: int, viewers: int, seconds: float, moving: bool, answer: Connection) -> None:
+    """The clients' process; it answers with the poses a second of one of them."""
     async def everyone() -> float:
         address, until = f"ws://127.0.0.1:{port}", time.time() + seconds
         others = [come_and_go(address, until, k % 6 == 0) if moving
@@ -88,26 +92,37 @@ def crowd(port: int, viewers: int, seconds: float, moving: bool,
                   for k in range(viewers - 1)]
         return (await asyncio.gather(watch(address, until, True), *others))[0]
 
-    answer.put(asyncio.run(everyone()))
+    answer.send(asyncio.run(everyone()))
 
 
-def measured(port: int, viewers: int, seconds: float,
+@contextlib.contextmanager
+def crowd_of(port: int, viewers: int, seconds: float, moving: bool = False) -> Iterator[Connection]:
+    """A crowd in a process of its own, and where its answer arrives; it is gone at the end."""
+    spawn = multiprocessing.get_context("spawn")
+    answer, own = spawn.Pipe(duplex=False)
+    process = spawn.Process(target=crowd, args=(port, viewers, seconds, moving, own))
+    process.start()
+    try:
+        yield answer
+    finally:
+        process.kill()
+        process.join()
+
+
+def measured(server: ViserServer, viewers: int, seconds: float,
              moving: bool = False) -> tuple[float, float, list[float]]:
     """Poses a second, share of a core, and resident memory each second (MB) while clients watch."""
-    answer: multiprocessing.Queue = multiprocessing.get_context("spawn").Queue()
-    process = multiprocessing.get_context("spawn").Process(target=crowd,
-                                                           args=(port, viewers, seconds, moving,
-                                                                 answer))
-    process.start()
-    time.sleep(3.0)
-    memory, before, start = [], used(), time.perf_counter()
-    while time.perf_counter() - start < seconds - 4.0:
-        time.sleep(1.0)
-        memory.append(resident())
-    share = (used() - before) / (time.perf_counter() - start)
-    rate = answer.get(timeout=60)
-    process.join(30)
-    return rate, share, memory
+    with crowd_of(server.get_port(), viewers, seconds, moving) as answer:
+        while not server.get_clients():
+            time.sleep(0.1)
+        memory, before, start = [resident()], used(), time.perf_counter()
+        while time.perf_counter() - start < seconds - 4.0:
+            time.sleep(1.0)
+            memory.append(resident())
+        share = (used() - before) / (time.perf_counter() - start)
+        if not answer.poll(60):
+            raise RuntimeError(f"{viewers} viewers gave no answer within a minute.")
+        return answer.recv(), share, memory
 
 
 def used() -> float:
@@ -137,47 +152,46 @@ def answers(scene: MachineScene, wanted: list[dict[str, float]]) -> list[float]:
     return times
 
 
-def main() -> None:
+SETTINGS = {
+    "eccentricity": [{"static_eccentricity": 0.002 * k} for k in range(1, 41)],
+    "leg": [{"static_eccentricity": 0.088, "leg": 2 * (k % 2)} for k in range(1, 20)],
+    "field": [{"field": 1 - 0.01 * k} for k in range(1, 16)],
+    "unbalance": [{"field": 1.0, "unbalance": 1 - 0.02 * k} for k in range(1, 16)],
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, and print a line for each number."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--minutes", type=float, default=2.0, help="of the soak (default: "
-                         "%(default)s)")
+    options.add_argument("--minutes", type=float, default=2.0,
+                         help="of the soak (default: %(default)s)")
     options.add_argument("--viewers", type=int, default=30)
-    options.add_argument("--seconds", type=float, default=15.0, help="of the first two "
-                         "measurements (default: %(default)s)")
-    chosen = options.parse_args()
+    options.add_argument("--quick", action="store_true", help="a few seconds of each")
+    chosen = options.parse_args(arguments)
+    seconds = 5.0 if chosen.quick else 15.0
     server = open_server(port=0)
     scene = MachineScene(server, load_machine("kaplan-150rpm"))
     scene.run()
-    port = server.get_port()
     for viewers in (1, chosen.viewers):
-        rate, share, _ = measured(port, viewers, chosen.seconds)
+        rate, share, _ = measured(server, viewers, seconds)
         print(f"{viewers} viewers: {rate:.1f} poses/s, {100 * share:.0f} % of one core", flush=True)
-    spawn = multiprocessing.get_context("spawn")
-    unread = spawn.Queue()  # kept: the child finds it only while it is there
-    watching = spawn.Process(target=crowd, args=(port, 1, 60.0, False, unread))
-    watching.start()
-    while not server.get_clients():
-        time.sleep(0.1)
-    for name, wanted in {
-        "eccentricity": [{"static_eccentricity": 0.002 * k} for k in range(1, 41)],
-        "leg": [{"static_eccentricity": 0.088, "leg": 2 * (k % 2)} for k in range(1, 20)],
-        "field": [{"field": 1 - 0.01 * k} for k in range(1, 16)],
-        "unbalance": [{"field": 1.0, "unbalance": 1 - 0.02 * k} for k in range(1, 16)],
-    }.items():
-        ms = [1e3 * t for t in answers(scene, wanted)]
-        print(f"{name} to new orbit: median {statistics.median(ms):.0f} ms, largest {max(ms):.0f} "
-              "ms", flush=True)
-    watching.kill()
+    with crowd_of(server.get_port(), 1, 60.0):
+        while not server.get_clients():
+            time.sleep(0.1)
+        for name, wanted in SETTINGS.items():
+            ms = [1e3 * t for t in answers(scene, wanted[:3 if chosen.quick else None])]
+            print(f"{name} to new orbit: median {statistics.median(ms):.0f} ms, largest "
+                  f"{max(ms):.0f} ms", flush=True)
     scene.change(field=1.0, unbalance=1.0, leg=0)
-    _, share, memory = measured(port, chosen.viewers, 60 * chosen.minutes + 4, moving=True)
+    soak = seconds if chosen.quick else 60 * chosen.minutes + 4
+    _, share, memory = measured(server, chosen.viewers, soak, moving=True)
     tenth = max(len(memory) // 10, 1)
     means = ", ".join(f"{statistics.mean(memory[k:k + tenth]):.0f}"
                       for k in range(0, tenth * (len(memory) // tenth), tenth))
-    print(f"soak of {chosen.minutes:g} minutes, {chosen.viewers} viewers coming and going: "
-          f"{100 * share:.0f} % of one core, "
-          f"memory in ten parts of it: {means} MB", flush=True)
-    scene.stop()
+    print(f"soak of {soak / 60:.3g} minutes, {chosen.viewers} viewers coming and going: "
+          f"{100 * share:.0f} % of one core, memory in equal parts of it: {means} MB", flush=True)
     close_server()
+    scene.stop()
 
 
 if __name__ == "__main__":
