@@ -10,6 +10,9 @@ from typing import Any
 
 BROWSER = next(filter(None, map(shutil.which,
                                 ["chromium", "chromium-browser", "google-chrome", "chrome"])), None)
+# for 3D where there is no graphics card
+WEBGL = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
+         "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 PICTURES = Path(__file__).resolve().parents[1] / "build" / "pictures"
 BONES = """() => {
   const found = [];

@@ -36,8 +36,8 @@ RUNS = {
     "python -m tests.benchmarks.slider_latency": (["3"], "ratio"),
     "python -m tests.benchmarks.scene_load --minutes 30": (
         ["--minutes", "0.05", "--viewers", "2", "--seconds", "6"], "soak of 0.05 minutes"),
-    "python -m hydrolab.course.readme_picture": (["made.png"], "The eccentricity explorer."),
-    "python -m hydrolab.live.scene_picture": (["--help"], "usage"),
+    "python -m tests.readme_images": (["eccentricity", "--folder", "made"],
+                                 "The eccentricity explorer."),
 }
 # Servers, stopped by Ctrl-C when they have said where they are.
 SERVERS = {

@@ -14,9 +14,9 @@ from ipaddress import ip_address
 import rich
 from viser import ViserServer
 
+from hydrolab.addresses import in_words, trouble
 from hydrolab.errors import BadInput
 from hydrolab.live.gate import Gate
-from hydrolab.addresses import in_words, trouble
 
 FIRST_PORT = 8080
 VIEWERS = 100  # at once, unless told otherwise

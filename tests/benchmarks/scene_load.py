@@ -1,5 +1,5 @@
 """The 3D view under load: `python -m tests.benchmarks.scene_load [--minutes 2] [--viewers 30]`;
-with `--quick` a few seconds of each, to see that it runs.
+with `--seconds 6` and `--minutes 0.05` it only shows that it runs.
 
 Clients in a process of their own say where their camera is, which makes them viewers, and read what
 a browser would. Reported: poses a second that one of them received, the server's share of one core,
@@ -152,6 +152,7 @@ def answers(scene: MachineScene, wanted: list[dict[str, float]]) -> list[float]:
     return times
 
 
+WHOLE = 15.0  # s; a look of this length tries all settings
 SETTINGS = {
     "eccentricity": [{"static_eccentricity": 0.002 * k} for k in range(1, 41)],
     "leg": [{"static_eccentricity": 0.088, "leg": 2 * (k % 2)} for k in range(1, 20)],
@@ -166,9 +167,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options.add_argument("--minutes", type=float, default=2.0,
                          help="of the soak (default: %(default)s)")
     options.add_argument("--viewers", type=int, default=30)
-    options.add_argument("--quick", action="store_true", help="a few seconds of each")
+    options.add_argument("--seconds", type=float, default=WHOLE,
+                         help="of each look before it; fewer try fewer settings")
     chosen = options.parse_args(arguments)
-    seconds = 5.0 if chosen.quick else 15.0
+    seconds = max(chosen.seconds, 5.0)
     server = open_server(port=0)
     scene = MachineScene(server, load_machine("kaplan-150rpm"))
     scene.run()
@@ -179,19 +181,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
         while not server.get_clients():
             time.sleep(0.1)
         for name, wanted in SETTINGS.items():
-            ms = [1e3 * t for t in answers(scene, wanted[:3 if chosen.quick else None])]
+            some = wanted[:max(1, round(len(wanted) * seconds / WHOLE))]
+            ms = [1e3 * t for t in answers(scene, some)]
             print(f"{name} to new orbit: median {statistics.median(ms):.0f} ms, largest "
                   f"{max(ms):.0f} ms", flush=True)
     scene.change(field=1.0, unbalance=1.0, leg=0)
-    soak = seconds if chosen.quick else 60 * chosen.minutes + 4
-    _, share, memory = measured(server, chosen.viewers, soak, moving=True)
+    _, share, memory = measured(server, chosen.viewers, 60 * chosen.minutes + 4, moving=True)
     tenth = max(len(memory) // 10, 1)
     means = ", ".join(f"{statistics.mean(memory[k:k + tenth]):.0f}"
                       for k in range(0, tenth * (len(memory) // tenth), tenth))
-    print(f"soak of {soak / 60:.3g} minutes, {chosen.viewers} viewers coming and going: "
+    print(f"soak of {chosen.minutes:g} minutes, {chosen.viewers} viewers coming and going: "
           f"{100 * share:.0f} % of one core, memory in equal parts of it: {means} MB", flush=True)
-    close_server()
     scene.stop()
+    close_server()
 
 
 if __name__ == "__main__":

@@ -6,9 +6,9 @@ import ipywidgets as widgets
 import pytest
 
 from hydrolab import load_machine
-from hydrolab.course import readme_picture
 from hydrolab.course.illustrations import conventions_picture, gap_picture
 from hydrolab.explorers import Explorer
+from tests import readme_images
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -52,11 +52,10 @@ def test_a_view_that_fails_says_so():
 
 
 def test_the_picture_of_the_readme_is_made_again(tmp_path, capsys):
-    file = tmp_path / "images" / "eccentricity.png"
-    assert readme_picture.main([str(file)]) == 0
+    assert readme_images.main(["eccentricity", "--folder", str(tmp_path / "images")]) == 0
     line = capsys.readouterr().out
-    assert file.read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "images" / "eccentricity.png").read_bytes().startswith(b"\x89PNG")
     assert line.startswith("![The eccentricity explorer. Leg 1, stable. At 8.8 %")
     shown = next(row for row in (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
                  if "eccentricity.png" in row)
-    assert shown.split("](")[0] == line.split("](")[0], "python -m hydrolab.course.readme_picture prints the line"
+    assert shown.split("](")[0] == line.split("](")[0], "see tests.readme_images"

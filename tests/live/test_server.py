@@ -9,8 +9,8 @@ import subprocess
 import sys
 import threading
 import time
-import warnings
 import urllib.request
+import warnings
 
 import msgspec
 import pytest
