@@ -130,8 +130,8 @@ def branch(case):
     picture = branch_picture(case.branch, case.stability)
     first = first_along(case.branch)
     line = np.vstack([line.get_xydata() for line in picture.figure.axes[1].lines])
-    percent = 100 if case.has_gap else 1
-    for value, size in zip(percent * case.branch.values, 1e6 * first, strict=True):
+    unit = 100 if case.has_gap else 30 / math.pi  # per cent, rpm
+    for value, size in zip(unit * case.branch.values, 1e6 * first, strict=True):
         away = np.abs((line - [value, size]) / [max(value, 1.0), max(size, 1e-6)])
         assert away.max(axis=1).min() < 0.02, "the drawn line passes every point of the branch"
     assert f"is at most {microns(first.max())}" in picture.reading
@@ -199,6 +199,9 @@ def print_vary_and_copies(case):
     assert np.array_equal(twice.unbalance_sin, 2 * case.model.unbalance_sin)
     for copied in (pickle.loads(pickle.dumps(case.machine)), copy.deepcopy(case.machine)):
         assert np.array_equal(copied.model().K, case.model.K) and str(copied) == printed
+    for copied in (pickle.loads(pickle.dumps(case.branch)), copy.deepcopy(case.branch)):
+        assert np.array_equal(copied.local, case.branch.local)
+        assert copied[-1].smallest_gap == case.branch[-1].smallest_gap
     again = pickle.loads(pickle.dumps(case.orbit))
     assert again.smallest_gap == case.orbit.smallest_gap
 

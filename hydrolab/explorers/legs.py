@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -139,8 +139,10 @@ class Legs:
         return [self.branch.at_fold(i) for i in range(min(len(self.branch.folds), len(self.all)))]
 
 
+@lru_cache(maxsize=4)
 def legs_of(machine: Machine) -> Legs:
-    """The branch of a machine at its rated speed, counted stability and all.
+    """The branch of a machine at its rated speed, counted stability and all; several explorers of
+    one machine share it.
 
     Raises BadInput for a machine without an air gap or at rest, NoConvergence where there is no
     first steady state.

@@ -73,10 +73,12 @@ def draw_gap(axes: Axes, centre: NDArray, model: Model, *, label: bool = True) -
     """The line the rotor centre may not cross, about the stator centre (m); that centre; the
     bearing axis.
     """
-    words = (f"contact, radius {MM * model.gap:.3g} mm", "stator centre",
-             "bearing axis") if label else ("",) * 3
-    axes.plot(*(MM * (centre[:, None] + contact_line(model))), color=COLOURS["stator"],
-              linewidth=3, label=words[0])
+    line = contact_line(model)
+    is_round = np.ptp(np.hypot(*line)) < 1e-6 * model.gap
+    contact = f"contact, radius {MM * model.gap:.3g} mm" if is_round else "contact"
+    words = (contact, "stator centre", "bearing axis") if label else ("",) * 3
+    axes.plot(*(MM * (centre[:, None] + line)), color=COLOURS["stator"], linewidth=3,
+              label=words[0])
     axes.plot(*(MM * centre), "x", color=COLOURS["stator"], markersize=8, markeredgewidth=2,
               label=words[1])
     draw_axis(axes, words[2])

@@ -18,6 +18,7 @@ from hydrolab.dynamics.stability import Floquet
 from hydrolab.figures.drawing import (
     MM,
     REVOLUTION,
+    RPM,
     UM,
     draw_axis,
     draw_gap,
@@ -130,6 +131,8 @@ def parameter_axis(branch: Branch) -> tuple[float, str]:
     """What the values of a branch's parameter are multiplied by on an axis, and the axis' label."""
     if branch.parameter == "static_eccentricity":
         return 100.0, "static eccentricity, % of the gap"
+    if branch.parameter == "speed":
+        return 1 / RPM, "speed, rpm"
     unit = branch.path.unit
     return 1.0, f"{followed(branch)}, {unit}" if unit else followed(branch)
 

@@ -82,8 +82,11 @@ def followed(branch: Branch) -> str:
 
 def said(branch: Branch, value: float, digits: int = 3) -> str:
     """A value of a branch's parameter in words, "8.8 %" of static eccentricity."""
-    return (percent(value, digits) if branch.parameter == "static_eccentricity"
-            else branch.path.say(value, digits))
+    if branch.parameter == "static_eccentricity":
+        return percent(value, digits)
+    if branch.parameter == "speed":
+        return f"{value * 30 / math.pi:.{digits + 1}g} rpm"
+    return branch.path.say(value, digits)
 
 
 @singledispatch

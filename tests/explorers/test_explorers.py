@@ -307,6 +307,29 @@ def test_calibration_hits_with_the_numbers_of_the_card():
     assert explorer.reading.endswith("Both agree with the paper.")
 
 
+def test_a_field_at_its_end_keeps_folds_and_eccentricity_in_sight():
+    """With 12 % more field the axis once ended at 6 % while the slider said 8.5, under a legend."""
+    explorer = explorer_of("branch")
+    explorer.controls["field"].value = explorer.controls["field"].max
+    view = explorer.view
+    upper = view.axes[0]
+    where = explorer.controls["eccentricity"].value
+    assert upper.get_xlim()[1] > where
+    assert upper.get_legend() is None
+    legend = view.kept.figure.legends[0].get_window_extent()
+    for axes, folds in zip(view.axes, view.folds, strict=True):
+        assert not any(legend.contains(*place)
+                       for place in axes.transData.transform(folds.get_xydata()))
+
+
+def test_a_machine_of_two_modes_has_a_campbell_diagram():
+    explorer = explorers.campbell_explorer(JEFFCOTT)
+    own = math.sqrt(JEFFCOTT.bearings[0].stiffness[0, 0] / JEFFCOTT.bodies[0].mass) / 2 / math.pi
+    assert f"{own:.2f} Hz" in explorer.reading
+    explorer.set(stiffness=4.0)
+    assert f"{2 * own:.2f} Hz" in explorer.reading
+
+
 def test_a_cause_of_no_size_is_the_healthy_machine():
     explorer = explorer_of("diagnosis")
     for cause in explorer.controls["cause"].options:

@@ -7,6 +7,7 @@ import math
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -16,11 +17,12 @@ import pytest
 from matplotlib import pyplot
 from PIL import Image
 
-from hydrolab import CentralDifference, integrate, rpm
+from hydrolab import CentralDifference, HarmonicBalance, follow, integrate, load_machine, rpm
 from hydrolab.dynamics.harmonics import ellipse
 from hydrolab.dynamics.modes import modes
 from hydrolab.errors import BadInput
 from hydrolab.figures.drawing import REVOLUTION
+from hydrolab.figures.jumps import hysteresis_picture
 from hydrolab.figures.orbits import branch_picture, curve, draw_branch, orbit_picture
 from hydrolab.figures.paper_figures import (
     figure_3,
@@ -106,7 +108,7 @@ def test_orbits_keep_their_shape_and_turn_with_the_spin(pictures, machine_name):
         for axes in picture.figure.axes:
             if "z" in axes.get_ylabel() and "mm" in axes.get_ylabel() and name != "figure-4":
                 assert axes.get_aspect() == 1, name
-                assert axes.get_xlim()[0] < axes.get_xlim()[1] and axes.get_ylim()[0] < axes.get_ylim()[1], name
+                assert np.diff(axes.get_xlim()) > 0 and np.diff(axes.get_ylim()) > 0, name
 
 
 def test_forward_whirl_is_clockwise_on_the_page(studies):
@@ -180,10 +182,12 @@ def test_readings_hold_the_numbers_of_the_result(studies, pictures, machine_name
     assert f"1X is {microns(np.hypot(*orbit.coefficients[0, 1:3]))} in x" in made["orbit"].reading
     times, path = study.check.last(3)
     apart = np.abs(orbit.positions(study.speed * times) - path).max(axis=1)
-    assert f"at most {microns(apart[0])} in x and {microns(apart[1])} in z" in made["figure-4"].reading
+    x, z = map(microns, apart)
+    assert f"at most {x} in x and {z} in z" in made["figure-4"].reading
     ratio = np.hypot(*last.coefficients[0, 1:3]) / np.hypot(*study.orbits[0.0].coefficients[0, 1:3])
     assert f"{ratio:.2f} times that at 0 %" in made["figure-5"].reading
-    assert f"{ellipse(last.coefficients).ratio:.2f} at {percent(study.eccentricity(8.9))}" in made["figure-6"].reading
+    ratio, at = ellipse(last.coefficients).ratio, percent(study.eccentricity(8.9))
+    assert f"{ratio:.2f} at {at}" in made["figure-6"].reading
     assert microns(math.hypot(*last.mean)) in made["figure-7"].reading
     for fold in study.branch.folds:
         assert percent(fold.value, 4) in made["figure-8"].reading
@@ -232,10 +236,10 @@ def test_stable_is_solid_and_ends_at_the_fold(studies):
     assert (first.get_color(), first.get_linestyle()) == (COLOURS["stable"], LINES["stable"])
     assert (second.get_color(), second.get_linestyle()) == (COLOURS["unstable"], LINES["unstable"])
     assert first.get_xdata()[-1] == pytest.approx(100 * study.branch.folds[0].value, abs=1e-9)
-    assert second.get_xdata()[0] == first.get_xdata()[-1] and second.get_ydata()[0] == first.get_ydata()[-1]
+    assert np.array_equal(second.get_xydata()[0], first.get_xydata()[-1])
     words = verdicts(study.branch, stability)
-    assert set(words[study.branch.first_leg]) == {"stable"} and words[study.branch.folds[0].after
-                                                                      + 1] == "unstable"
+    assert set(words[study.branch.first_leg]) == {"stable"}
+    assert words[study.branch.folds[0].after + 1] == "unstable"
 
 
 def test_the_rotor_hangs_down_and_its_bodies_sit_on_their_links(studies, pictures):
@@ -278,11 +282,54 @@ def test_readings_of_other_results(studies):
     assert reading(study.orbits[0.0]).startswith("At 0 % static eccentricity and 150 rpm")
     assert "has no fold" in reading(study.natural)
     said = reading(modes(study.model, study.speed))
-    assert re.search(r"At 150 rpm the lowest of \d+ modes are at \d+\.\d\d Hz \((forward|backward), damping", said)
+    assert re.search(r"At 150 rpm the lowest of \d+ modes are at \d+\.\d\d Hz "
+                     r"\((forward|backward), damping", said)
     motion = integrate(study.model, CentralDifference(512), speed=study.speed,
                        static_eccentricity=0.05, revolutions=3)
     assert "Over 3 revolutions at 150 rpm and 5 % static eccentricity" in reading(motion)
     assert reading("as it is") == "as it is"
+
+
+def test_a_leaning_rotor_off_the_axes_is_drawn_with_its_own_numbers():
+    """The curve once took four unknowns for two and drew 47 to 51 µm."""
+    machine = load_machine("kaplan-150rpm")
+    machine = replace(machine, air_gap=replace(machine.air_gap, tilt=True))
+    branch = follow(machine.model(), to=0.05, speed=machine.speed, direction=0.7)
+    picture = branch_picture(branch)
+    drawn = picture.figure.axes[1].lines[0].get_ydata()
+    # 1X along the stator's offset of each steady state, solved for alone
+    ends = [HarmonicBalance().solve(branch.equations.model, machine.speed, e, direction=0.7)
+            for e in (0.0, 0.05)]
+    along = [1e6 * np.hypot(*(math.sin(0.7) * o.coefficients[0, 1:3]
+                              + math.cos(0.7) * o.coefficients[1, 1:3])) for o in ends]
+    assert along == pytest.approx([207, 254], abs=0.5)
+    assert drawn[[0, -1]] == pytest.approx(along, rel=1e-6)
+    assert "starts at 207 µm and is at most 254 µm" in picture.reading
+    # x at Ωt = 0, which a slow passage is drawn over
+    under = hysteresis_picture(branch, [], {}).figure.axes[0].lines[0].get_ydata()
+    assert under[-1] == pytest.approx(1e6 * ends[1].positions([0.0])[0, 0], rel=1e-6)
+
+
+def test_a_branch_along_the_speed_is_drawn_over_the_speed():
+    model = load_machine("jeffcott").model().with_field(0.0)
+    branch = follow(model, "speed", to=rpm(120), speed=rpm(60))
+    picture = branch_picture(branch)
+    assert picture.figure.get_supxlabel() == "speed, rpm"
+    x, y = picture.figure.axes[1].lines[0].get_data()
+    assert (x[0], x[-1]) == (pytest.approx(60), pytest.approx(120))
+    assert y[-1] == pytest.approx(1e6 * HarmonicBalance().solve(model, rpm(120)).amplitudes[0, 0])
+    assert picture.reading.startswith("The branch starts at 60 rpm speed, has no fold and ends at "
+                                      "120 rpm; 1X")
+
+
+def test_an_orbit_of_two_revolutions_is_drawn_whole_and_read_by_its_1x():
+    model = load_machine("jeffcott").model()
+    once, twice = (HarmonicBalance(4 * q, revolutions=q).solve(model, rpm(150), 0.02)
+                   for q in (1, 2))
+    pictures = [orbit_picture(orbit) for orbit in (once, twice)]
+    assert pictures[0].reading == pictures[1].reading
+    path = pictures[1].figure.axes[0].lines[0].get_xydata().T / 1e3
+    np.testing.assert_allclose(path, twice.positions(2 * REVOLUTION), atol=1e-15)
 
 
 @pytest.mark.parametrize(("length", "words"),

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hydrolab import basins, drift, follow, integrity, load_machine, orbits_at, rpm
+from hydrolab import BadInput, basins, drift, follow, integrity, load_machine, orbits_at, rpm
 from hydrolab.figures import basins_picture, hysteresis_picture, integrity_picture
 
 
@@ -20,6 +20,8 @@ def test_basins_of_many_orbits(branch):
     picture = basins_picture(found, [f"orbit {i}" for i in range(len(many))])
     assert f"Of 7 starts off orbit 0 (+), at phase 0, {100 * found.share(0):.0f} %" in str(
         picture.reading)
+    with pytest.raises(BadInput, match="names has 2 for 7 orbits"):
+        basins_picture(found, ["small", "large"])
 
 
 def test_integrity_under_the_branch(branch):
@@ -39,3 +41,6 @@ def test_a_drift_is_drawn_and_told(branch):
     picture = hysteresis_picture(branch, [], {"up": moved})
     assert ("up: repeats every revolution from 5.01 % to 5.1 %. It went all the way, at 5.1 %."
             in picture.reading)
+    with pytest.raises(BadInput, match="runs along speed"):
+        along = follow(branch.equations.model, "speed", to=rpm(151), speed=rpm(150))
+        hysteresis_picture(along, [], {"up": moved})
