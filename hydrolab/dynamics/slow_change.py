@@ -23,6 +23,7 @@ from hydrolab.machine.quantities import number
 
 KEPT = 4  # revolutions whose section a drift looks at, at each of its values
 REPEATS = 0.01  # of the gap: how closely a motion must come back in a drift to count as repeating
+BACK = 3  # times as far: how closely it must come back after a transient
 STILL = 1e-6  # the same, m, where nothing moves any more
 
 
@@ -82,16 +83,21 @@ class Passage:
     @cached_property
     def story(self) -> list[tuple[int, float, float]]:
         """What it did, in order: (period, first value, last value) of each run of values with the
-        same `period`; a transient on the way back to the same is passed over.
+        same `period`; a transient that comes back to where it began is passed over.
         """
         runs: list[tuple[int, float, float]] = []
-        for period, value in zip(self.period.tolist(), self.values.tolist(), strict=True):
-            if len(runs) > 1 and runs[-1][0] == 0 and runs[-2][0] == period:
+        where = self.section.mean(axis=1)
+        left = 0  # the last value before the transient
+        for i, (period, value) in enumerate(zip(self.period.tolist(), self.values.tolist(),
+                                                strict=True)):
+            back = len(runs) > 1 and runs[-1][0] == 0 and runs[-2][0] == period
+            if back and np.hypot(*(where[i] - where[left])) < BACK * self.near:
                 runs.pop()
             if runs and runs[-1][0] == period:
                 runs[-1] = (period, runs[-1][1], value)
             else:
                 runs.append((period, value, value))
+            left = i if period else left
         return runs
 
     @property
