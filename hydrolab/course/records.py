@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
-from hydrolab.dynamics.harmonics import ellipse, fourier_rows
+from hydrolab.dynamics.harmonics import ellipse, fit, fourier_rows
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
 from hydrolab.machine.cards import load_machine, vary
@@ -73,8 +73,7 @@ class Record:
         """
         if place not in self.positions:
             raise BadInput(f"place is {place!r}; there are probes at {', '.join(self.positions)}.")
-        rows = fourier_rows(harmonics, self.speed * self.times)
-        return np.linalg.lstsq(rows.T, self.positions[place].T, rcond=None)[0].T
+        return fit(self.positions[place], self.speed * self.times, harmonics)
 
 
 @dataclass(frozen=True, eq=False)

@@ -137,9 +137,9 @@ def path(model: Model, parameter: str, balance: HarmonicBalance, speed: float,
     if parameter not in known:
         known[parameter] = _number(model, parameter, known)
     first, unit = known[parameter]
-    scale = REACH * abs(first or to or 1.0)
-    if parameter in ("static_eccentricity", "direction"):
-        scale = 1.0
+    scale = 1.0
+    if parameter not in ("static_eccentricity", "direction"):
+        scale = REACH * abs(first or number("to", 1.0 if to is None else to) or 1.0)
     return Path(parameter, "" if unit == "1" else unit, first, scale, here, balance)
 
 
@@ -271,7 +271,7 @@ def sweep(model: Model, method: HarmonicBalance, static_eccentricities: Iterable
                        f"{100 * value:.4g} %; `follow` tells whether the branch turns there.")
             break
         rows.append(solution.y)
-        left.append(float(np.abs(solution.residual).max() * eq.force))
+        left.append(eq.newtons(solution.residual))
     along = path(model, "static_eccentricity", method, speed, values[0], direction)
     branch = _balanced(Branch(along, np.array(values[:len(rows)]), np.array(rows), np.array(left),
                               (), stopped, method))
@@ -516,7 +516,7 @@ def orbits_at(branch: Branch, value: float) -> list[PeriodicOrbit]:
         solution = newton(lambda y: eq.linearise(y, centre),
                           (1 - share) * unknowns[i] + share * unknowns[i + 1])
         if solution.converged:
-            residual = float(np.abs(solution.residual).max() * eq.force)
+            residual = eq.newtons(solution.residual)
             eq.require_balance(solution.y, centre, residual)
             found.append(branch.orbit(value, solution.y, residual))
     if away[-1] == 0:

@@ -82,13 +82,9 @@ class Split:
         """State of an orbit of the full model at a phase (rad), (2r,), by mass-weighted
         projection.
         """
-        full, small, shaft = orbit.model, self.model, orbit.shaft
-        k = np.arange(1, orbit.harmonics + 1) / orbit.revolutions
-        sine, cosine = np.sin(k * phase), np.cos(k * phase)
-        q = shaft[:, 0] + shaft[:, 1::2] @ sine + shaft[:, 2::2] @ cosine
-        v = self.speed * (shaft[:, 1::2] @ (k * cosine) - shaft[:, 2::2] @ (k * sine))
+        full, small = orbit.model, self.model
         project = np.linalg.solve(small.M, small.shaft_map.T @ full.M @ full.shaft_map)
-        return np.concatenate([project @ q, project @ v])
+        return (orbit.state(phase) @ project.T).ravel()
 
 
 def split(model: Model, speed: float, modes: int = 12) -> Split:

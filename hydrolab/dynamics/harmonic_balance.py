@@ -110,6 +110,10 @@ class Condensed:
         return (self.balance(y, forces),
                 self.stiffness - pull.reshape(c * columns, c * columns))
 
+    def newtons(self, residual: NDArray) -> float:
+        """The largest force in a scaled residual, N."""
+        return self.force * float(np.abs(residual).max())
+
     def small(self, y: NDArray, centre: NDArray) -> float:
         """A residual, N, that is small against the forces on a motion."""
         laws = self.force * np.abs(self.forces(y, centre) @ self.analysis).max()
@@ -123,7 +127,7 @@ class Condensed:
         """
         small = self.small(y, centre)
         if residual > small:
-            residual = self.force * float(np.abs(self.residual(y, centre)).max())
+            residual = self.newtons(self.residual(y, centre))
         if not residual <= small:
             raise NoConvergence(
                 f"The forces of {self.model.name} do not balance: {residual:.1e} N are left over, "
@@ -306,7 +310,7 @@ class HarmonicBalance:
         smallest = solution.smallest_singular_value
         where = (f"{100 * eccentricity:.4g} %" if math.isfinite(eq.model.gap) else
                  f"{eq.speed:.4g} rad/s")
-        left = np.abs(solution.residual).max() * eq.force
+        left = eq.newtons(solution.residual)
         inside = math.isfinite(left)
         size = f"residual {left:.1e} N" if inside else "the rotor outside the gap"
         fold = f"a fold is near (smallest singular value {smallest:.0e}). "
@@ -344,7 +348,7 @@ def orbit_from(eq: Condensed, eccentricity: float, centre: NDArray,
 
     Raises NoConvergence where its residual is not small against the forces on it.
     """
-    residual = float(np.abs(solution.residual).max() * eq.force)
+    residual = eq.newtons(solution.residual)
     eq.require_balance(solution.y, centre, residual)
     return PeriodicOrbit(eq, float(eccentricity), centre,
                          eq.length * solution.y.reshape(len(eq.linear), -1), residual)

@@ -409,8 +409,8 @@ class Branch:
         fold = self.folds[number]
         problem = self.path.at(fold.value)
         eq = problem.equations
-        residual = eq.force * np.abs(eq.residual(fold.unknowns, problem.centre)).max()
-        return self.orbit(fold.value, fold.unknowns, float(residual))
+        residual = eq.newtons(eq.residual(fold.unknowns, problem.centre))
+        return self.orbit(fold.value, fold.unknowns, residual)
 
     @property
     def first_leg(self) -> slice:

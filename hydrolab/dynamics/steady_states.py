@@ -50,7 +50,7 @@ def branch_off(branch: Branch, point: SpecialPoint, *,
     if point.kind != "flip":
         raise BadInput(f"point is a {point.kind} at {point.said}; branches of twice the period "
                        "leave at flips.")
-    own, here = branch.method.balance, branch.path.here
+    own, here = branch.path.balance, branch.path.here
     balance = replace(own, harmonics=2 * own.harmonics, samples=2 * own.aft_samples,
                       revolutions=2 * own.revolutions)
     along = replace(branch.path, balance=balance, here=replace(here, equations=balance.equations(
@@ -310,7 +310,7 @@ class _Search:
                           max_steps=60).y
             solution = self.method.balance.from_guess(eq, self.centre, near)
             if solution.converged:
-                residual = float(np.abs(solution.residual).max() * eq.force)
+                residual = eq.newtons(solution.residual)
                 new += self.add([PeriodicOrbit(eq, self.eccentricity, self.centre, eq.length
                                                * solution.y.reshape(eq.linear.shape), residual)])
         return f"{starts} starts of Newton's method with these divided out find {new}"
