@@ -57,7 +57,8 @@ MACHINES: dict[str, Callable[[], Machine]] = {
     "shaped stator": lambda: unit(shapes=(OVAL,)),
     "shaped turning rotor": lambda: unit(shapes=(OVAL, GapShape("lobes", "rotor", 3, 3e-4, 0.4))),
     # in step with the rotor: with slip nothing repeats after a revolution
-    "one pole pair": lambda: replace(load_machine("two-pole"), poles=Poles(1, electrical_ratio=1.0)),
+    "one pole pair": lambda: replace(load_machine("two-pole"),
+                                     poles=Poles(1, electrical_ratio=1.0)),
     "two pole pairs": lambda: replace(load_machine("two-pole"), poles=Poles(2)),
     "many pole pairs": lambda: unit(poles=Poles(20)),
     "loaded poles": lambda: replace(load_machine("two-pole"),

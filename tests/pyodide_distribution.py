@@ -1,4 +1,5 @@
-"""A Pyodide distribution for the tests: inside a package of the registry, as public releases are not.
+"""A Pyodide distribution for the tests: inside a package of the registry, as public releases are
+not.
 
 For tests only: what `hydrolab book --live` takes is any distribution, or the public one.
 """

@@ -41,8 +41,9 @@ PATHS = {"hydrolab", "hydrolab.machine", "hydrolab.dynamics", "hydrolab.paper", 
          "hydrolab.explorers", "hydrolab.course", "hydrolab.live"}
 TAGS = {"raises-exception", "nbval-ignore-output"}
 # Written so that this file does not hold what it looks for.
-OF_ONE_COMPUTER = re.compile(r"/(?:roo[t]|wor[k]|hom[e]|tm[p]|opt|us[r]|va[r]|User[s])/|[A-Z]:\\|site-package[s]|"
-                             r"localhos[t]|127\.0\.0\.\d| at 0x[0-9a-f]{6,}|<ipython-inpu[t]|ipykernel_\d")
+OF_ONE_COMPUTER = re.compile(
+    r"/(?:roo[t]|wor[k]|hom[e]|tm[p]|opt|us[r]|va[r]|User[s])/|[A-Z]:\\|site-package[s]|"
+    r"localhos[t]|127\.0\.0\.\d| at 0x[0-9a-f]{6,}|<ipython-inpu[t]|ipykernel_\d")
 
 pytestmark = pytest.mark.parametrize("chapter", NOTEBOOKS)
 
@@ -136,7 +137,7 @@ def test_equations_are_referenced(chapter):
 def test_links_lead_to_files_of_the_book(chapter):
     for target in re.findall(r"\]\(([^)\s]+)\)", without_code(prose(chapter))):
         path, _, anchor = target.partition("#")
-        assert "://" not in target, f"{target}: write references as text; the book works without a network"
+        assert "://" not in target, f"{target}: write it as text; the book works without a network"
         assert not path or (BOOK / path).is_file(), f"{target} leads nowhere"
         if anchor:
             name = Path(path).stem if path else chapter
@@ -165,7 +166,8 @@ def test_has_the_parts_of_a_chapter(chapter):
     assert text.startswith(f"# {int(chapter[:2])} · ")
     assert re.search(r"\A.*\n\n\*\*[^*]*\?\*\*", text), "a chapter begins with a question"
     places = [text.find(part) for part in PARTS]
-    assert -1 not in places, f"missing: {[part for part, at in zip(PARTS, places, strict=True) if at < 0]}"
+    missing = [part for part, at in zip(PARTS, places, strict=True) if at < 0]
+    assert not missing
     assert all(a < b for a, b in pairwise(places))
     assert "ncertain" in text, "say what is uncertain"
 
@@ -203,7 +205,7 @@ def test_pictures_carry_their_words(chapter):
     for cell in cells(chapter, "code"):
         for output in cell["outputs"]:
             data = output.get("data", {})
-            assert "image/png" not in data and "image/svg+xml" not in data, "show a Picture: it carries its reading"
+            assert not {"image/png", "image/svg+xml"} & set(data), "show a Picture"
             for tag in re.findall(r"<img[^>]*>", data.get("text/html", "")):
                 assert re.search(r'alt="[^"]{20,}"', tag)
             if FLIPBOOK in data:

@@ -134,7 +134,8 @@ def test_lab_opens_the_first_chapter(book):
 
 def assert_one_sentence(capsys, part: str) -> None:
     captured = capsys.readouterr()
-    assert part in captured.err and captured.err.startswith("hydrolab: ") and captured.err.count("\n") == 1
+    assert part in captured.err and captured.err.startswith("hydrolab: ")
+    assert captured.err.count("\n") == 1
     assert "Traceback" not in captured.err + captured.out
 
 

@@ -1,5 +1,6 @@
-"""Every command that the README and environment-notes.md show runs: each line of their fenced blocks
-is here, and none is here that they do not show. Lines that install are CI's (.ci/run) or a person's.
+"""Every command that the README and environment-notes.md show runs: each line of their fenced
+blocks is here, and none is here that they do not show. Lines that install are CI's (.ci/run) or a
+person's.
 """
 
 import os

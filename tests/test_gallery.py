@@ -1,5 +1,5 @@
 """Every script of the gallery runs as its reader runs it, in a folder of its own, and ends with
-what it found: one number of each is held here, from print or from another method where there is one.
+what it found: one number of each is held here, from print or another method where there is one.
 """
 
 import os

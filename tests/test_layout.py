@@ -87,7 +87,9 @@ def imports(module: str, tree: ast.Module, *, deferred: bool = True) -> set[str]
         elif isinstance(node, ast.ImportFrom):
             base = node.module or ""
             if node.level:
-                package = module.split(".") if MODULES[module].name == "__init__.py" else module.split(".")[:-1]
+                package = module.split(".")
+                if MODULES[module].name != "__init__.py":
+                    package.pop()
                 base = ".".join([*package[:len(package) - node.level + 1],
                                  *filter(None, [node.module])])
             for alias in node.names:
@@ -178,7 +180,8 @@ def f():
 
 def loaded_by(statement: str) -> set[str]:
     """Return the top-level packages that a fresh Python holds after a statement."""
-    code = f"{statement}\nimport json, sys\nprint(json.dumps(sorted({{name.split('.')[0] for name in sys.modules}})))"
+    code = (f"{statement}\nimport json, sys\n"
+            "print(json.dumps(sorted({name.split('.')[0] for name in sys.modules})))")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
                           timeout=120, cwd=ROOT)
     assert done.returncode == 0, done.stderr

@@ -52,7 +52,8 @@ for degrees in (60, 90, 120, 150):
     angle = math.radians(degrees)
     here = HarmonicBalance(20, revolutions=2).solve(loaded(1.25, 0.4, angle), unit.speed, OFFSET)
     size = lines(here.positions(4 * np.pi * np.arange(512) / 512), 2)
-    print(f"{degrees:22} {abs(1 + 0.4 * np.exp(-1j * angle)):24.3f} {size[0]:17.2f} {size[5]:13.3f}")
+    print(f"{degrees:22} {abs(1 + 0.4 * np.exp(-1j * angle)):24.3f} {size[0]:17.2f} "
+          f"{size[5]:13.3f}")
 print()
 near = HarmonicBalance(6).solve(replace(unit, poles=Poles(1)).model(), unit.speed, OFFSET)
 small = integrate(replace(unit, poles=Poles(1, electrical_ratio=1.05)).model(), Newmark(64),

@@ -48,7 +48,9 @@ print("shapes                    rule: kind, turns, kN            integral: turn
 for (side, one), (other_side, other), rule, spectrum in rows:
     at = int(np.argmax(np.abs(spectrum)))
     turns = at if at < 32 else at - 64
-    said = f"{rule.kind:12} {rule.turns:+d}  {rule.size / 1e3:8.3f}" if rule else f"{'no force':12}           "
+    said = f"{'no force':12}           "
+    if rule:
+        said = f"{rule.kind:12} {rule.turns:+d}  {rule.size / 1e3:8.3f}"
     print(f"{side:6} {one.order}, {other_side:6} {other.order}       {said}           {turns:+d}  "
           f"{abs(spectrum[at]) / 1e3:8.4f}")
 print()

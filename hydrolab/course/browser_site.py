@@ -28,8 +28,8 @@ from pathlib import Path
 from typing import Any
 
 from hydrolab import __version__
-from hydrolab.errors import BadInput
 from hydrolab.addresses import in_words, trouble
+from hydrolab.errors import BadInput
 
 PYODIDE = "0.27.7"  # what jupyterlite-pyodide-kernel 0.6 is made for
 PUBLIC = f"https://cdn.jsdelivr.net/pyodide/v{PYODIDE}/full/"
@@ -59,7 +59,8 @@ SETTINGS = {  # of JupyterLab: what is typed survives a reload, and leaves in on
 }
 FRONT = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>hydrolab</title>
 <meta http-equiv="refresh" content="0; url=lab/index.html?path={first}">
-<script id="jupyter-config-data" type="application/json" data-jupyter-lite-root=".">{{}}</script></head>
+<script id="jupyter-config-data" type="application/json" data-jupyter-lite-root=".">{{}}</script>
+</head>
 <body><p><a href="lab/index.html?path={first}">Open the course</a>. {where}</p></body></html>
 """
 FONT_FIELDS = ("fname", "name", "style", "variant", "weight", "stretch", "size", "__class__")
@@ -79,7 +80,7 @@ def build_site(files: Mapping[str, bytes], out: Path, pyodide: Path | None = Non
         raise BadInput(f"The live course needs {', '.join(missing)}; install hydrolab with its "
                        'extra: pip install -e ".[live]"')
     if out.exists() and (not out.is_dir()
-                         or any(out.iterdir()) and not (out / "jupyter-lite.json").is_file()):
+                         or (any(out.iterdir()) and not (out / "jupyter-lite.json").is_file())):
         raise BadInput(f"--out is {out}, which holds something else than an earlier build; name "
                        "an empty folder.")
     with tempfile.TemporaryDirectory(prefix="hydrolab-live-") as name:
@@ -215,7 +216,8 @@ def _entry(name: str, wheel: Path, needs: Iterable[str], imports: Iterable[str],
             "version": wheel.name.split("-")[1]}
 
 
-def _own_wheels(target: Path, fonts: Path) -> Iterator[tuple[str, Path, tuple[str, ...], tuple[str, ...]]]:
+def _own_wheels(target: Path, fonts: Path
+                ) -> Iterator[tuple[str, Path, tuple[str, ...], tuple[str, ...]]]:
     """Name, wheel, needs and imports of each package that Pyodide does not bring."""
     kernel = target.parent / "extensions" / "@jupyterlite" / "pyodide-kernel-extension"
     for name, needs in (("piplite", ("micropip",)), ("pyodide-kernel", ("ipykernel", "ipython")),
@@ -309,7 +311,8 @@ class Handler(http.server.SimpleHTTPRequestHandler):
 
 
 def serve_site(folder: Path, port: int = 0) -> http.server.ThreadingHTTPServer:
-    """A server of the site built in a folder, on this computer alone, not yet running; port 0 takes a free one.
+    """A server of the site built in a folder, on this computer alone, not yet running; port 0 takes
+    a free one.
 
     Raises BadInput where the port is taken.
     """

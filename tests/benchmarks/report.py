@@ -52,8 +52,10 @@ def table(benchmarks):
              f"{'':66}{'time':>9} {'kernel':>9} {'× kernel':>9} {'× point':>9}   target"]
     for what, (seconds, kernel, target) in times.items():
         slack = min(1.5, max(1.0, kernel / NOMINAL))
-        verdict = "" if target is None else f"{readable(target)} {judged(seconds <= slack * target)}" + (
-            f", read × {slack:.2f}" if slack > 1 else "")
+        verdict = ""
+        if target is not None:
+            verdict = f"{readable(target)} {judged(seconds <= slack * target)}"
+            verdict += f", read × {slack:.2f}" if slack > 1 else ""
         lines.append(f"{what:66}{readable(seconds):>9} {readable(kernel):>9} "
                      f"{seconds / kernel:9.3g} "
                      f"{seconds / point:9.3g}   {verdict}")

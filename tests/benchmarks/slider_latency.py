@@ -34,7 +34,7 @@ from hydrolab.explorers.eccentricity import EccentricityView
 
 view = EccentricityView(load_machine("kaplan-150rpm"))
 view(6.0)
-view.kept.png()  # margins as they are, as in the explorer; to work them out again takes ten times as long
+view.kept.png()  # margins as they are, as in the explorer; to work them out takes ten times as long
 
 def plain(eccentricity):
     print(view(eccentricity))
@@ -51,7 +51,8 @@ WATCH = """(cell) => {
   const area = document.querySelectorAll('.jp-CodeCell')[cell];
   window.timed = new Promise(done => {
     let start = 0;
-    area.addEventListener('keydown', event => { start = performance.now(); }, {capture: true, once: true});
+    area.addEventListener('keydown', event => { start = performance.now(); },
+                          {capture: true, once: true});
     const seen = new Set([...area.querySelectorAll('img')].map(image => image.src));
     const shown = () => {
       observer.disconnect();
@@ -63,7 +64,8 @@ WATCH = """(cell) => {
       if (start && image) image.decode().then(shown);
     };
     const observer = new MutationObserver(look);
-    observer.observe(area, {subtree: true, childList: true, attributes: true, attributeFilter: ['src']});
+    observer.observe(area, {subtree: true, childList: true, attributes: true,
+                            attributeFilter: ['src']});
     area.addEventListener('painted', shown);
     setTimeout(() => done(NaN), 5000);
   });

@@ -48,8 +48,8 @@ from hydrolab.paper.calibration import judge_family, load_family
 from tests.reference.full_balance import dynamic_matrix, solve_full
 
 ROWS = np.arange(0, 0.089, 0.001)
-MATRIX, PATH = np.eye(18) * 5 + 0.1 * np.sin(np.arange(324.0)).reshape(18,
-                                                                       18), 0.1 * np.sin(np.arange(128.0)).reshape(2, 64)
+MATRIX = np.eye(18) * 5 + 0.1 * np.sin(np.arange(324.0)).reshape(18, 18)
+PATH = 0.1 * np.sin(np.arange(128.0)).reshape(2, 64)
 ELEMENTS = (3, 12, 48)
 
 
@@ -274,8 +274,8 @@ def full_system(model, speed, harmonics=4, samples=64):
     def residual(y, centre):
         X = model.gap * y.reshape(columns, n).T @ waves
         pull = S.T @ model.law.force(S @ X - centre[:, None])
-        return (model.gap * constant @ y - load.ravel() - (pull @ weights).T.ravel()) / (scale
-                                                                                         * model.gap)
+        left = model.gap * constant @ y - load.ravel() - (pull @ weights).T.ravel()
+        return left / (scale * model.gap)
     return residual
 
 
@@ -409,9 +409,11 @@ from hydrolab import *
 unit, n = load_machine("kaplan-150rpm"), {n}
 branch = follow(unit.model(), speed=unit.speed)
 branch_stability(branch)
-basins(stable_orbits_at(branch, 0.088), np.linspace(-3e-3, 2e-3, n), np.linspace(-0.05, 0.05, n), revolutions={revolutions})
+basins(stable_orbits_at(branch, 0.088), np.linspace(-3e-3, 2e-3, n), np.linspace(-0.05, 0.05, n),
+       revolutions={revolutions})
 steady_map(unit, "static_eccentricity", np.linspace(0, 0.12, n), "field", np.linspace(0.3, 0.6, n))
-status = Path("/proc/self/status")  # of this process alone; where it is missing the other may hold the parent's too
+# of this process alone; where it is missing the other may hold the parent's too
+status = Path("/proc/self/status")
 print(1024 * (int(status.read_text().split("VmHWM:")[1].split()[0]) if status.exists()
               else resource.getrusage(resource.RUSAGE_SELF).ru_maxrss))
 """

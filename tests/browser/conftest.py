@@ -54,15 +54,19 @@ class Visit:
         """Source, execution count and outputs of the cells that hold code."""
         return self.page.evaluate("""() => window.jupyterapp.shell.currentWidget.content.widgets
             .filter(cell => cell.model.type === 'code' && cell.model.sharedModel.getSource().trim())
-            .map(cell => ({source: cell.model.sharedModel.getSource(), count: cell.model.executionCount,
+            .map(cell => ({source: cell.model.sharedModel.getSource(),
+                           count: cell.model.executionCount,
                            outputs: cell.model.outputs.toJSON()}))""")
 
     def run(self, source: str) -> str:
         """What the notebook's kernel prints for some code."""
         return self.page.evaluate("""async code => {
-            const future = window.jupyterapp.shell.currentWidget.sessionContext.session.kernel.requestExecute({code});
+            const context = window.jupyterapp.shell.currentWidget.sessionContext;
+            const future = context.session.kernel.requestExecute({code});
             let said = '';
-            future.onIOPub = message => { said += message.content.text ?? message.content.evalue ?? ''; };
+            future.onIOPub = message => {
+                said += message.content.text ?? message.content.evalue ?? '';
+            };
             await future.done;
             return said;
         }""", source)

@@ -31,10 +31,12 @@ FROZEN = """
 import json
 from hydrolab.live import server
 from hydrolab.live.poses import positions
-scene = next(stop.__self__ for stop in server._open.stops if hasattr(stop, '__self__') and hasattr(stop.__self__, 'shown'))
+scene = next(stop.__self__ for stop in server._open.stops
+             if hasattr(stop, '__self__') and hasattr(stop.__self__, 'shown'))
 scene.stop()
 scene.draw(1.0)
-print(json.dumps(positions(scene.where, scene.where.motion(1.0), scene.factor)[:scene.where.nodes].tolist()))
+found = positions(scene.where, scene.where.motion(1.0), scene.factor)
+print(json.dumps(found[:scene.where.nodes].tolist()))
 """
 
 pytestmark = pytest.mark.browser
@@ -106,8 +108,8 @@ def test_the_explorer_of_chapter_10(visit):
 
     # A click on a point of the branch shows that orbit: the place of leg 3 at 9.5 %, as the kernel
     # knows it.
-    said = visit.run("d = inner.diagram.axes.transData.transform((9.5, 1e6 * inner.legs.orbit(0.095, "
-                     "2).amplitudes[0, 0]));"
+    said = visit.run("d = inner.diagram.axes.transData.transform("
+                     "(9.5, 1e6 * inner.legs.orbit(0.095, 2).amplitudes[0, 0]));"
                      "print(*inner.kept.figure.transFigure.inverted().transform(d))")
     right, up = map(float, said.split())
     before, box = words.inner_text(), picture.bounding_box()

@@ -8,7 +8,6 @@ import json
 import re
 import threading
 import time
-from pathlib import Path
 
 import pytest
 
@@ -19,7 +18,7 @@ from tests.chromium import BROWSER, keep
 from tests.pyodide_distribution import distribution, missing
 
 pytest.importorskip("jupyterlite_core", reason="the live course needs the extra `live`")
-from hydrolab.course.browser_site import build_site, serve_site  # noqa: E402
+from hydrolab.course.browser_site import build_site, serve_site
 
 pytestmark = pytest.mark.browser
 MOST = 90e6  # bytes

@@ -97,7 +97,8 @@ def test_a_recording_plays_from_disk_without_a_network(browser, scene, tmp_path)
     page.wait_for_function(f"first => JSON.stringify(({BONES})()) !== JSON.stringify(first)",
                            arg=first)
     found = np.array(page.evaluate(BONES))[:, :2]
-    path_of_all = scene.settings.exaggeration * scene.where.motion(2 * np.pi * np.arange(720) / 720)[:13, :2]
+    turn = 2 * np.pi * np.arange(720) / 720
+    path_of_all = scene.settings.exaggeration * scene.where.motion(turn)[:13, :2]
     away = np.abs(found[:, :, None] - path_of_all).max(axis=1)
     assert away.max(axis=0).min() < 5e-3  # all bones are on the orbit, at one and the same phase
     # pause; a page that plays leaves a software renderer no time for a picture

@@ -131,8 +131,9 @@ def test_a_page_opens_from_disk(site, reader, name):
     assert formulas or name in ("index", "bibliography", "api", "card", "extend")
     assert reader.locator("mjx-merror").count() == 0
     reader.wait_for_function(LOADED)
-    pictures = reader.evaluate("""[...document.querySelectorAll("main .cell_output figure > img")].map(
-        image => [image.alt.length, image.complete && image.naturalWidth])""")
+    pictures = reader.evaluate("""
+        [...document.querySelectorAll("main .cell_output figure > img")].map(
+            image => [image.alt.length, image.complete && image.naturalWidth])""")
     assert all(words > 20 and width > 200 for words, width in pictures)
     assert bool(pictures) == (name in CHAPTERS)
     assert not reader.strangers and not reader.mistakes
@@ -146,7 +147,8 @@ def test_recorded_scenes_play(site, reader):
         titles = [frame.get_attribute("title")
                   for frame in reader.locator("iframe.scene[loading=lazy]").all()]
         for title, (eccentricity, leg) in zip(titles, scenes, strict=True):
-            assert f"Leg {leg + 1} of 3, stable. At {100 * eccentricity:g} % static" in title and "smallest gap" in title
+            assert f"Leg {leg + 1} of 3, stable. At {100 * eccentricity:g} % static" in title
+            assert "smallest gap" in title
             frames[f"{100 * eccentricity:g} % on leg {leg + 1}"] = title
     assert len(frames) == 4 and {"0 % on leg 1", "5 % on leg 1", "8.8 % on leg 1",
                                  "8.8 % on leg 3"} <= set(frames)

@@ -53,7 +53,8 @@ def stiffness_at_the_generator(guide: float, turbine: float) -> float:
     b, span, shear = 0.472, turbine - guide, 0.9 * STEEL / 2.6 * AREA
     a = guide + b
     return 1 / ((1 + a / span) ** 2 / 1.37e9 + (a / span) ** 2 / 1.64e9
-                + (a**3 - b**3 + a**2 * span) / (3 * STEEL * SECOND) + (a - b + a**2 / span) / shear)
+                + (a**3 - b**3 + a**2 * span) / (3 * STEEL * SECOND)
+                + (a - b + a**2 / span) / shear)
 
 
 BY_HAND = {

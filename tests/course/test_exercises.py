@@ -79,7 +79,7 @@ def test_exercises_have_a_stub_a_check_and_a_folded_solution(chapter):
         assert of_this and all(re.fullmatch(rf"{number}\.{k}[a-z]?", name) for name in of_this)
         answers = set().union(*(assigned(source, stubs=True) for source in stubs))
         solution = "\n".join(code for code, _ in SOLUTION.findall(cell["source"]))
-        assert answers <= assigned(solution), f"{number}.{k}: the solution does not assign {answers - assigned(solution)}"
+        assert not (left := answers - assigned(solution)), f"{number}.{k} does not assign {left}"
         assert all(any(re.search(rf"\b{name}\b", line) for line in of_this.values())
                    for name in answers)
         checked |= of_this

@@ -10,8 +10,8 @@ import pytest
 
 from hydrolab import HarmonicBalance, Newmark, RungeKutta, floquet, integrate, load_machine
 from hydrolab.machine.gap_shape import GapShape
-from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
+from hydrolab.machine.pole_pairs import Poles
 from tests.reference.full_balance import solve_full
 
 AIR = AirGap("core", 0.5, 0.25, 1.0, 0.005)

@@ -7,7 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hydrolab import CentralDifference, HarmonicBalance, Newmark, RungeKutta, integrate, reduce, truncation_error
+from hydrolab import (
+    CentralDifference,
+    HarmonicBalance,
+    Newmark,
+    RungeKutta,
+    integrate,
+    reduce,
+    truncation_error,
+)
 from hydrolab.dynamics.integrate import Task, central_difference_matrices, newmark_matrices
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
@@ -172,7 +180,8 @@ def test_newmark_matrices_obey_newmarks_rules(unit, speed):
     new_q, new_v, new_a = np.split(advance @ np.concatenate([q, v, a]) + push @ f + load @ F, 3)
     assert new_q == pytest.approx(q + dt * v + dt**2 * ((0.5 - beta) * a + beta * new_a))
     assert new_v == pytest.approx(v + dt * ((1 - gamma) * a + gamma * new_a))
-    left = model.M @ new_a + model.velocity_matrix(speed) @ new_v + model.K @ new_q - model.selection.T @ f - F
+    left = (model.M @ new_a + model.velocity_matrix(speed) @ new_v + model.K @ new_q
+            - model.selection.T @ f - F)
     assert np.abs(left).max() < 1e-9 * np.abs(model.K @ new_q).max()
 
 
@@ -283,7 +292,8 @@ def test_a_ramp_ends_on_the_orbit(peer, speed, method):
 def test_contact_is_said_with_time_and_angle(peer, speed, method):
     run = integrate(peer, method, speed=speed, static_eccentricity=0.3, revolutions=50)
     assert not run.finished
-    found = re.search(r"touches the stator after ([\d.]+) revolutions \(([\d.]+) s\), at gap angle (\d+)°", run.stopped)
+    found = re.search(r"touches the stator after ([\d.]+) revolutions \(([\d.]+) s\), "
+                      r"at gap angle (\d+)°", run.stopped)
     turns, time, angle = map(float, found.groups())
     assert turns == pytest.approx(time * speed / (2 * math.pi), abs=0.01)
     assert run.times[-1] < time * 1.001
@@ -334,7 +344,8 @@ def test_newmark_says_when_a_step_is_too_long(peer, speed):
     """A law whose force jumps has no position that solves the step."""
     class Jump(CircularPull):
         def linearise(self, e, *rest):
-            return 1e9 * np.where(e[0] > 0, -1.0, 1.0) * np.array([1.0, 0.0]), np.zeros((2, 2)), None
+            force = 1e9 * np.where(e[0] > 0, -1.0, 1.0) * np.array([1.0, 0.0])
+            return force, np.zeros((2, 2)), None
     run = integrate(replace(peer, law=Jump(1.0, peer.gap)), Newmark(16), speed=speed, revolutions=1)
     assert not run.finished
     assert "Use more steps" in run.stopped

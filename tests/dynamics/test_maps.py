@@ -139,7 +139,8 @@ def test_it_says_what_it_holds(whole, machine):
 
 def test_a_faulty_machine_has_another_fingerprint_and_no_map(machine):
     first, *others = machine.bearings
-    faults = [replace(machine, bearings=others, pad_bearings=(PadBearing("pads", 1, 8, 3e8, 1e-4),)),
+    faults = [replace(machine, bearings=others,
+                      pad_bearings=(PadBearing("pads", 1, 8, 3e8, 1e-4),)),
               replace(machine, bearings=others,
                       films=(JournalFilm("film", first.node, 0.03, 0.4, 0.24, 1.6e-4),)),
               replace(machine, cracks=(Crack("crack", 1, 0.2),)),
@@ -188,8 +189,9 @@ def test_ctrl_c_in_a_real_process(tmp_path):
         from pathlib import Path
         from hydrolab import load_machine, steady_map
         warnings.simplefilter("ignore")
-        found = steady_map(load_machine("kaplan-150rpm"), "static_eccentricity", np.linspace(0, 0.1, 40), "field",
-                           np.linspace(0.3, 0.52, 4000), path=Path({str(path)!r}),
+        found = steady_map(load_machine("kaplan-150rpm"), "static_eccentricity",
+                           np.linspace(0, 0.1, 40), "field", np.linspace(0.3, 0.52, 4000),
+                           path=Path({str(path)!r}),
                            progress=lambda done, rows: print(done, flush=True))
         print("kept", int((found.outcome.values[:, 0] != 5).sum()), flush=True)
     """)
@@ -257,9 +259,10 @@ def test_a_file_that_may_not_grow(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096))
         with warnings.catch_warnings(record=True) as said:
             warnings.simplefilter("always")
-            found = steady_map(machine, "static_eccentricity", np.linspace(0, 0.1, 400), "field", [0.4, 0.5],
-                               path=Path({str(path)!r}))
-        print(sum("could not be written" in str(w.message) for w in said), int((found.outcome.values == 5).sum()))
+            found = steady_map(machine, "static_eccentricity", np.linspace(0, 0.1, 400), "field",
+                               [0.4, 0.5], path=Path({str(path)!r}))
+        print(sum("could not be written" in str(w.message) for w in said),
+              int((found.outcome.values == 5).sum()))
     """)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
@@ -380,9 +383,9 @@ def test_a_dask_cluster_with_a_killed_worker(machine):
     distributed = pytest.importorskip("distributed", reason="maps on a cluster need the extra "
                                       "`maps`")
     e, fields = np.linspace(0, 0.1, 20), np.linspace(0.3, 0.52, 60)
-    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True,
-                                  dashboard_address=None,
-                                  silence_logs=50) as cluster, distributed.Client(cluster) as client:
+    options = {"n_workers": 2, "threads_per_worker": 1, "processes": True,
+               "dashboard_address": None, "silence_logs": 50}
+    with distributed.LocalCluster(**options) as cluster, distributed.Client(cluster) as client:
         workers = client.run(os.getpid)
         assert len(set(workers.values())) == 2
         killed = []

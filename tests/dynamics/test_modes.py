@@ -11,7 +11,14 @@ import scipy.linalg
 from hydrolab.dynamics.modes import campbell, modes, undamped_frequencies
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import rayleigh_coefficients
-from hydrolab.machine.parts import Machine, RadialBearing, RayleighDamping, RigidBody, Shaft, ThrustBearing
+from hydrolab.machine.parts import (
+    Machine,
+    RadialBearing,
+    RayleighDamping,
+    RigidBody,
+    Shaft,
+    ThrustBearing,
+)
 
 RPM = pi / 30
 

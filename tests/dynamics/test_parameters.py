@@ -50,7 +50,8 @@ class Circle:
 
     def __init__(self, model):
         self.m, self.c, self.k = model.M[0, 0], model.C[0, 0], model.K[0, 0]
-        self.pull, self.gap, self.u = model.law.stiffness, model.gap, math.hypot(*model.unbalance_cos)
+        self.pull, self.gap = model.law.stiffness, model.gap
+        self.u = math.hypot(*model.unbalance_cos)
 
     def unbalance(self, r, speed, field=1.0, stiffness=None):
         """The factor on the unbalance that makes the radius r."""

@@ -115,7 +115,8 @@ def test_members_that_touch_do_not_disturb_the_others(shipped, branch):
     wild = calm.copy()
     wild[len(calm) // 2:] *= -40
     lost = np.full_like(calm, 1.0)
-    states, contact, made = advance(system, np.stack([wild, calm, lost, calm], axis=1), at(low), 4, 64)
+    starts = np.stack([wild, calm, lost, calm], axis=1)
+    states, contact, made = advance(system, starts, at(low), 4, 64)
     alone, _, _ = advance(system, calm[:, None], at(low), 4, 64)
     assert np.isnan(contact[[1, 3]]).all() and np.isfinite(contact[[0, 2]]).all()
     assert contact[2] < 1  # a metre in every mode
@@ -162,7 +163,8 @@ def test_both_orbits_and_contact(picture):
     assert np.isnan(picture.contact[picture.ends != CONTACT]).all()
     middle = np.argmin(np.abs(picture.velocity)), np.argmin(np.abs(picture.displacement))
     assert picture.ends[middle] == 0  # hardly a push: it stays on the first orbit
-    assert f"169 starts after 100 revolutions: {100 * picture.share(0):.1f} % on orbit 0" in str(picture)
+    share = f"{100 * picture.share(0):.1f} % on orbit 0"
+    assert f"169 starts after 100 revolutions: {share}" in str(picture)
 
 
 def test_single_starts_by_dop853(shipped, picture, speed):
@@ -235,8 +237,8 @@ def test_up_and_down_again(shipped, branch, speed):
     assert up.stopped == "It passed all the values asked for."
     assert up.section.shape == (4, 3, 2)
     assert str(up) == ("Motion while static_eccentricity moved: it repeats every revolution from "
-                       "8.85 % to 9 %. It passed all the values asked for. How it ends depends on the "
-                       "steps: with half the steps it touches at 8.95 %. `drift` moves it "
+                       "8.85 % to 9 %. It passed all the values asked for. How it ends depends on "
+                       "the steps: with half the steps it touches at 8.95 %. `drift` moves it "
                        "continuously.")
     there = {e: [o.positions(np.zeros(1))[:, 0] for o in stable_orbits_at(branch, e)]
              for e in up.values}

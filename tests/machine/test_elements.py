@@ -116,7 +116,8 @@ def test_mass_and_inertia_of_the_rigid_shaft_are_exact(element):
     area, second_moment, length = pi / 4 * diameter**2, pi / 64 * diameter**4, 2.0
     M, G, K = assembled(element, nodes, diameter)
     R = rigid_motions(nodes)
-    m, h, j = RHO * area * length, RHO * area * length**2 / 2, RHO * area * length**3 / 3 + RHO * second_moment * length
+    m, h = RHO * area * length, RHO * area * length**2 / 2
+    j = RHO * area * length**3 / 3 + RHO * second_moment * length
     exact = np.array([[m, 0, 0, -h], [0, m, h, 0], [0, h, j, 0], [-h, 0, 0, j]])
     np.testing.assert_allclose(R.T @ M @ R, exact, rtol=1e-12, atol=1e-10)
     polar = 2 * RHO * second_moment * length
