@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -44,8 +44,10 @@ class Setting(NamedTuple):
 
     def of(self, members: NDArray) -> Setting:
         """That of some of the members."""
-        return Setting(*(x[..., members] if np.ndim(x) and np.shape(x)[-1] > 1 else x
-                         for x in self))
+        def some(x: Any) -> Any:
+            return x[..., members] if np.ndim(x) and np.shape(x)[-1] > 1 else x
+
+        return Setting(*map(some, self))
 
 
 Course = Callable[[float], Setting]  # the setting at a time, counted in revolutions

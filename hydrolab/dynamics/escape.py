@@ -80,8 +80,8 @@ class Arrivals:
             parts.append(f"{say(OTHER)} on neither")
         return (f"{self.ends.size} motions moved past the {self.fold} by "
                 f"{100 * self.sizes.min():.1g} to {100 * self.sizes.max():.1g} % at one instant, "
-                f"at any phase; after {self.revolutions} revolutions {', '.join(parts)}. In brackets: "
-                "95 % confidence.")
+                f"at any phase; after {self.revolutions} revolutions {', '.join(parts)}. In "
+                "brackets: 95 % confidence.")
 
 
 def arrivals(branch: Branch, fold: int = 0, *, sizes: ArrayLike = SIZES, phases: int = 25,
@@ -128,7 +128,8 @@ def arrivals(branch: Branch, fold: int = 0, *, sizes: ArrayLike = SIZES, phases:
 def _families(system: Split, states: NDArray, branches: Sequence[Branch],
               values: NDArray) -> tuple[NDArray, tuple[PeriodicOrbit, ...]]:
     """Which family of stable orbits each motion, (2r, values, motions), is on, and the families."""
-    ends, families = np.full(states.shape[1:], OTHER), []
+    ends = np.full(states.shape[1:], OTHER)
+    families: list[PeriodicOrbit] = []
     newest: list[PeriodicOrbit] = []
     for i, value in enumerate(values):
         here = [o for branch in branches for o in stable_orbits_at(branch, value)]
@@ -220,8 +221,8 @@ class Integrity:
         return (f"{self.ends.shape[1]} × {self.ends.shape[2]} pushes at each of "
                 f"{len(self.values)} eccentricities: the share that does not end in contact falls "
                 f"from that at {start} {halved}to {100 * self.safe[-1]:.0f} % of it at {end}"
-                f"{fold}. The smallest push that does not come back falls from {self.reach[0]:.2f} to "
-                f"{self.reach[-1]:.2f} of the gap. {self.stopped}").rstrip()
+                f"{fold}. The smallest push that does not come back falls from "
+                f"{self.reach[0]:.2f} to {self.reach[-1]:.2f} of the gap. {self.stopped}").rstrip()
 
 
 def integrity(branch: Branch, values: ArrayLike | None = None, *,

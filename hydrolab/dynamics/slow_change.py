@@ -195,7 +195,7 @@ def drift(start: PeriodicOrbit, parameter: str = "static_eccentricity", *, to: A
     times = np.append(0.0, np.cumsum(np.abs(np.diff(corners))) / per_revolution)
     total = math.ceil(times[-1] - 1e-9)
     if not total:
-        raise BadInput(f"to is {to}, where the motion begins; give another value of {parameter}.")
+        raise BadInput(f"to is {to!r}, where the motion begins; give another value of {parameter}.")
     before = 2 * math.pi * np.arange(-KEPT + 1, 1)
     section, touched, done = list(start.positions(before).T), False, 0
     course = _moving(setting, lambda time: np.interp([time], times, corners))

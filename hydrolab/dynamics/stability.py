@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -410,7 +410,7 @@ def _with_harmonics(eq: Condensed, local: NDArray, centres: NDArray,
                                   centres)
         found = outcome == Outcome.CONVERGED
     else:
-        solutions = [newton(lambda y, c=c: richer.linearise(y, c), s)
+        solutions = [newton(partial(richer.linearise, centre=c), s)
                      for s, c in zip(start, centres, strict=True)]
         y, found = np.array([s.y for s in solutions]), np.array([s.converged for s in solutions])
     near = np.abs(y - start).max(axis=1) < 0.05  # not another orbit

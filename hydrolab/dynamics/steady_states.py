@@ -94,7 +94,7 @@ def _from_flip_to_flip(loop: Branch, odd: NDArray, point: SpecialPoint, y: NDArr
     """
     ends = len(loop) > 1 and bool(loop.unknowns[-2, odd] @ loop.unknowns[-1, odd] < 0)
     rows = len(loop) - ends
-    values, unknowns = [[point.value], loop.values[:rows]], [y[None], loop.unknowns[:rows]]
+    values, unknowns = [point.value, *loop.values[:rows]], [y[None], loop.unknowns[:rows]]
     special = [replace(point, after=0, unknowns=y),
                *(replace(p, after=p.after + 1) for p in loop.folds if p.after < rows)]
     stopped = loop.stopped
@@ -103,13 +103,12 @@ def _from_flip_to_flip(loop: Branch, odd: NDArray, point: SpecialPoint, y: NDArr
         said = loop.path.say(value, 5)
         stopped = f"It ends in a flip at {said}, where both halves of the motion become the same."
         special.append(SpecialPoint("flip", value, rows, there, said))
-        values.append([value])
+        values.append(value)
         unknowns.append(there[None])
-    values = np.concatenate(values)
     residuals = np.full(len(values), loop.residuals.max())
     residuals[1:rows + 1] = loop.residuals[:rows]
-    return replace(loop, values=values, unknowns=np.concatenate(unknowns), residuals=residuals,
-                   special_points=tuple(special), stopped=stopped)
+    return replace(loop, values=np.array(values), unknowns=np.concatenate(unknowns),
+                   residuals=residuals, special_points=tuple(special), stopped=stopped)
 
 
 def _flip_after(loop: Branch, odd: NDArray, row: int) -> tuple[float, NDArray]:

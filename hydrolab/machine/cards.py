@@ -75,8 +75,10 @@ def card_keys() -> list[CardKey]:
     """Return every key that a card may hold, in the order of its tables."""
     rows = [CardKey("schema", "the card", "the form of the card", "", f"{SCHEMA}",
                     f"schema = {SCHEMA}", True)]
-    kinds = (one for kind in KINDS for one in (BEARINGS if kind is Bearing else (kind,)))
-    for kind in (Machine, *kinds):
+    kinds: list[type[Part]] = [Machine]
+    for kind in KINDS:
+        kinds += BEARINGS if kind is Bearing else (kind,)
+    for kind in kinds:
         prefix = f"{kind.table}.…" if "name" in declared(kind) and kind.table else kind.table
         what = f"[{kind.table}]" if kind in ALONE else kind.noun
         rows += [CardKey(dotted(prefix, name), what, held.meaning,
