@@ -181,9 +181,13 @@ def study(options: argparse.Namespace) -> int:
 
 def book(options: argparse.Namespace) -> int:
     """Build the static book from the stored chapters; with --refresh, run the chapters and store
-    what comes out.
+    what comes out; with --live, build the course that runs in a browser.
     """
     folder = find_book()
+    if options.live:
+        return live_book(folder, options)
+    if given := [f"--{name}" for name in ("pyodide", "students", "serve") if getattr(options, name)]:
+        raise BadInput(f"{given[0]} goes with --live: hydrolab book --live {given[0]}.")
     if options.refresh is None and options.check:
         raise BadInput("--check goes with --refresh: hydrolab book --refresh --check compares and "
                        "writes nothing.")
@@ -197,6 +201,24 @@ def book(options: argparse.Namespace) -> int:
     from hydrolab.course.static_book import build
 
     print(build(folder, options.out or folder / "_build" / "html", instructor=options.instructor))
+    return 0
+
+
+def live_book(folder: Path, options: argparse.Namespace) -> int:
+    """Build the course that runs in a browser, and serve it on this computer if asked."""
+    from hydrolab.course.browser_site import build_site, serve
+    from hydrolab.course.hand_out import hand_out
+
+    out = options.out or folder / "_build" / "live"
+    with tempfile.TemporaryDirectory(prefix="hydrolab-course-") as work:
+        contents = Path(work, "course")
+        if options.students:
+            hand_out(folder, course_files(folder), contents)
+        else:
+            prepare_folder(contents, folder)
+        print(build_site(contents, out, options.pyodide), flush=True)
+    if options.serve:
+        serve(out, browser=not options.no_browser)
     return 0
 
 
@@ -244,6 +266,16 @@ def add_book(command: argparse.ArgumentParser) -> None:
              "say what changed")
     add("--check", action="store_true",
         help="with --refresh: compare with what is stored, write nothing")
+    add("--live", action="store_true",
+        help="build the course with Python in the browser instead (default folder: "
+             "book/_build/live)")
+    add("--pyodide", type=Path, metavar="PATH",
+        help="with --live: folder or archive of a Pyodide distribution, so that the pages ask no "
+             "other computer")
+    add("--students", action="store_true", help="with --live: without solutions")
+    add("--serve", action="store_true",
+        help="with --live: serve it on this computer and open the browser")
+    add("--no-browser", action="store_true", help="with --serve: print the address only")
 
 
 def add_study(command: argparse.ArgumentParser) -> None:

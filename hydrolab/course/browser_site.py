@@ -22,17 +22,21 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+import webbrowser
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from hydrolab import __version__
-from hydrolab.addresses import in_words, trouble
+from hydrolab.course.static_book import record_scenes
 from hydrolab.errors import BadInput
+from hydrolab.addresses import trouble
 
+CARDS = Path(__file__).resolve().parents[1] / "machine" / "cards"
 PYODIDE = "0.27.7"  # what jupyterlite-pyodide-kernel 0.6 is made for
 PUBLIC = f"https://cdn.jsdelivr.net/pyodide/v{PYODIDE}/full/"
+PORT = 8010
 NEEDED = ("jupyterlite_core", "jupyterlite_pyodide_kernel")
 EXTENSIONS = ("anywidget", "@jupyter-widgets/jupyterlab-manager",
               "@jupyterlite/pyodide-kernel-extension")  # of all that JupyterLab has here
@@ -58,20 +62,20 @@ SETTINGS = {  # of JupyterLab: what is typed survives a reload, and leaves in on
         "checkForUpdates": False, "fetchNews": "false", "doNotDisturbMode": True},
 }
 FRONT = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>hydrolab</title>
-<meta http-equiv="refresh" content="0; url=lab/index.html?path={first}">
-<script id="jupyter-config-data" type="application/json" data-jupyter-lite-root=".">{{}}</script>
-</head>
+{forward}
+<script id="jupyter-config-data" type="application/json" data-jupyter-lite-root=".">{{}}</script></head>
 <body><p><a href="lab/index.html?path={first}">Open the course</a>. {where}</p></body></html>
 """
+Packed = tuple[str, Path, tuple[str, ...], tuple[str, ...]]  # name, wheel, needs, imports
 FONT_FIELDS = ("fname", "name", "style", "variant", "weight", "stretch", "size", "__class__")
 
 
-def build_site(files: Mapping[str, bytes], out: Path, pyodide: Path | None = None) -> str:
+def build_site(course: Path, out: Path, pyodide: Path | None = None) -> str:
     """Build the site into a folder and return one sentence on it.
 
-    files: the course, by path within it. out: the folder; what an earlier build left is replaced.
-    pyodide: a Pyodide distribution, a folder or an archive of one; without it its core is fetched
-    with npm, and its packages stay on the public server.
+    course: a folder with what a student works with. out: the folder; what an earlier build left is
+    replaced. pyodide: a Pyodide distribution, a folder or an archive of one; without it its core is
+    fetched with npm, and its packages stay on the public server.
     Raises BadInput where the tools are missing, the distribution lacks something, or `out` holds
     anything else.
     """
@@ -80,23 +84,19 @@ def build_site(files: Mapping[str, bytes], out: Path, pyodide: Path | None = Non
         raise BadInput(f"The live course needs {', '.join(missing)}; install hydrolab with its "
                        'extra: pip install -e ".[live]"')
     if out.exists() and (not out.is_dir()
-                         or (any(out.iterdir()) and not (out / "jupyter-lite.json").is_file())):
+                         or any(out.iterdir()) and not (out / "jupyter-lite.json").is_file()):
         raise BadInput(f"--out is {out}, which holds something else than an earlier build; name "
                        "an empty folder.")
     with tempfile.TemporaryDirectory(prefix="hydrolab-live-") as name:
-        work = Path(name)
+        work, made = Path(name), Path(name, "site")
         core = _unpacked(pyodide, work / "core") if pyodide else _from_npm(work / "core")
         _check_version(core)
-        contents = work / "contents"
-        for path, data in files.items():
-            (contents / path).parent.mkdir(parents=True, exist_ok=True)
-            (contents / path).write_bytes(data)
-        made = work / "site"
+        shutil.copytree(CARDS, course / "cards", dirs_exist_ok=True)
         (work / "overrides.json").write_text(json.dumps(SETTINGS), encoding="utf-8")
-        _jupyterlite(work, contents, made)
+        _jupyterlite(work, course, made)
+        record_scenes(made / "scenes")
         _distribution(core, made / "pyodide", public=pyodide is None)
-        _configure(made, min(name for name in files if name.endswith(".ipynb")),
-                   public=pyodide is None)
+        _configure(made, min(path.name for path in course.glob("*.ipynb")), public=pyodide is None)
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(made, out)
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) / 1e6
@@ -216,8 +216,7 @@ def _entry(name: str, wheel: Path, needs: Iterable[str], imports: Iterable[str],
             "version": wheel.name.split("-")[1]}
 
 
-def _own_wheels(target: Path, fonts: Path
-                ) -> Iterator[tuple[str, Path, tuple[str, ...], tuple[str, ...]]]:
+def _own_wheels(target: Path, fonts: Path) -> Iterator[Packed]:
     """Name, wheel, needs and imports of each package that Pyodide does not bring."""
     kernel = target.parent / "extensions" / "@jupyterlite" / "pyodide-kernel-extension"
     for name, needs in (("piplite", ("micropip",)), ("pyodide-kernel", ("ipykernel", "ipython")),
@@ -225,17 +224,23 @@ def _own_wheels(target: Path, fonts: Path
         stem = f"{name.replace('-', '_')}-"
         wheel = next(kernel.rglob(f"{stem}*.whl"))
         yield name, wheel, needs, IMPORTS.get(name, (name,))
-    with tempfile.TemporaryDirectory(prefix="hydrolab-wheels-") as folder:
-        versions = [f"{name}=={importlib.metadata.version(name)}" for name in PURE]
-        done = subprocess.run([sys.executable, "-m", "pip", "download", "-q", "--no-deps",
-                               "--platform", "any", "--only-binary=:all:", "-d", folder, *versions],
-                              capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise BadInput(f"pip could not fetch what the course needs:\n{done.stderr[-1000:]}")
-        for name, needs in PURE.items():
-            wheel = next(Path(folder).glob(f"{name.replace('-', '_')}-*.whl"))
-            yield name, wheel, needs, IMPORTS.get(name, (name,))
+    for name, needs in PURE.items():
+        yield name, _wheel_of(name, target), needs, IMPORTS.get(name, (name,))
     yield "hydrolab", _wheel_of_hydrolab(target, fonts), NEEDS, ("hydrolab",)
+
+
+def _wheel_of(name: str, target: Path) -> Path:
+    """A wheel of an installed package in Python alone: without tests, and without what a compiled
+    copy of a module lies beside.
+    """
+    package = importlib.metadata.distribution(name)
+    wheel = target / f"{name.replace('-', '_')}-{package.version}-py3-none-any.whl"
+    with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED) as archive:
+        for path in package.files or ():
+            if not ({"..", "tests", "__pycache__"} & set(path.parts)
+                    or path.suffix in (".so", ".pyd")):
+                archive.write(path.locate(), path.as_posix())
+    return wheel
 
 
 def _wheel_of_hydrolab(target: Path, matplotlib: Path) -> Path:
@@ -286,9 +291,11 @@ def _configure(made: Path, first: str, *, public: bool) -> None:
     config = json.loads(path.read_text(encoding="utf-8"))
     data = config["jupyter-config-data"]
     data |= {"appName": "hydrolab", "exposeAppInBrowser": True}
-    where = (f"Python's packages come from {PUBLIC}." if public else
-             "Everything comes from this computer.")
-    (made / "index.html").write_text(FRONT.format(first=first, where=where), encoding="utf-8")
+    where = f"It fetches Python's packages from {PUBLIC}, and asks no other computer."
+    forward = f'<meta http-equiv="refresh" content="0; url=lab/index.html?path={first}">'
+    page = FRONT.format(first=first, where=where if public else "",
+                        forward="" if public else forward)
+    (made / "index.html").write_text(page, encoding="utf-8")
     data["litePluginSettings"] = data.get("litePluginSettings", {}) | {
         "@jupyterlite/pyodide-kernel-extension:kernel": kernel}
     path.write_text(json.dumps(config, indent=1), encoding="utf-8")
@@ -311,12 +318,21 @@ class Handler(http.server.SimpleHTTPRequestHandler):
 
 
 def serve_site(folder: Path, port: int = 0) -> http.server.ThreadingHTTPServer:
-    """A server of the site built in a folder, on this computer alone, not yet running; port 0 takes
-    a free one.
-
-    Raises BadInput where the port is taken.
-    """
-    if port and (number := trouble("127.0.0.1", port)) is not None:
-        raise BadInput(in_words(number, "127.0.0.1", port, "--host", "--port"))
+    """A server of a built site on this computer alone, not yet running; port 0 takes a free one."""
     return http.server.ThreadingHTTPServer(("127.0.0.1", port),
                                            functools.partial(Handler, directory=str(folder)))
+
+
+def serve(folder: Path, *, browser: bool) -> None:
+    """Serve a built site on this computer until Ctrl-C; open it in the browser.
+
+    At the same port each time if it is free: a browser keeps what is typed by address and port.
+    """
+    server = serve_site(folder, PORT if trouble("127.0.0.1", PORT) is None else 0)
+    address = f"http://127.0.0.1:{server.server_address[1]}/"
+    print(f"The course is at {address}. Stop it with Ctrl-C.", flush=True)
+    if browser:
+        webbrowser.open(address)
+    with server, contextlib.suppress(KeyboardInterrupt):
+        server.serve_forever()
+    print("The course is closed. What you typed is kept in the browser.")
