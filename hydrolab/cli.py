@@ -186,7 +186,8 @@ def book(options: argparse.Namespace) -> int:
     folder = find_book()
     if options.live:
         return live_book(folder, options)
-    if given := [f"--{name}" for name in ("pyodide", "students", "serve") if getattr(options, name)]:
+    if given := [f"--{name}" for name in ("pyodide", "students", "serve")
+                 if getattr(options, name)]:
         raise BadInput(f"{given[0]} goes with --live: hydrolab book --live {given[0]}.")
     if options.refresh is None and options.check:
         raise BadInput("--check goes with --refresh: hydrolab book --refresh --check compares and "

@@ -29,9 +29,9 @@ from pathlib import Path
 from typing import Any
 
 from hydrolab import __version__
+from hydrolab.addresses import trouble
 from hydrolab.course.static_book import record_scenes
 from hydrolab.errors import BadInput
-from hydrolab.addresses import trouble
 
 CARDS = Path(__file__).resolve().parents[1] / "machine" / "cards"
 PYODIDE = "0.27.7"  # what jupyterlite-pyodide-kernel 0.6 is made for
@@ -63,7 +63,8 @@ SETTINGS = {  # of JupyterLab: what is typed survives a reload, and leaves in on
 }
 FRONT = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>hydrolab</title>
 {forward}
-<script id="jupyter-config-data" type="application/json" data-jupyter-lite-root=".">{{}}</script></head>
+<script id="jupyter-config-data" type="application/json" data-jupyter-lite-root=".">{{}}</script>
+</head>
 <body><p><a href="lab/index.html?path={first}">Open the course</a>. {where}</p></body></html>
 """
 Packed = tuple[str, Path, tuple[str, ...], tuple[str, ...]]  # name, wheel, needs, imports
@@ -84,7 +85,7 @@ def build_site(course: Path, out: Path, pyodide: Path | None = None) -> str:
         raise BadInput(f"The live course needs {', '.join(missing)}; install hydrolab with its "
                        'extra: pip install -e ".[live]"')
     if out.exists() and (not out.is_dir()
-                         or any(out.iterdir()) and not (out / "jupyter-lite.json").is_file()):
+                         or (any(out.iterdir()) and not (out / "jupyter-lite.json").is_file())):
         raise BadInput(f"--out is {out}, which holds something else than an earlier build; name "
                        "an empty folder.")
     with tempfile.TemporaryDirectory(prefix="hydrolab-live-") as name:
