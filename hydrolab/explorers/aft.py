@@ -9,25 +9,22 @@ from hydrolab.dynamics.branches import follow, orbits_at
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
-from hydrolab.explorers.kept_figure import KeptFigure
-from hydrolab.explorers.widget import FigureExplorer, View, steps, whole
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, steps, whole
 from hydrolab.figures.drawing import REVOLUTION, UM, round_up
 from hydrolab.figures.readings import percent
 from hydrolab.figures.style import COLOURS, house_style, new_figure, plane
-from hydrolab.machine.cards import load_machine
-from hydrolab.machine.parts import Machine
+from hydrolab.machine import Machine, load_machine
 
 SAMPLES = [4, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 128]
 LEAST = 1e-5  # µm, the lower end of the harmonics' scale
 
 
 class HarmonicsView(View):
-    """An orbit with few harmonics and few samples against the same with many: its shape and its
-    harmonics.
-
-    leg: which of the orbits at this eccentricity, in the order in which the branch meets them.
+    """An orbit with few harmonics and few samples against the same with `most` and more: its shape
+    and its harmonics.
     """
 
+    @house_style()
     def __init__(self, machine: Machine, eccentricity: float = 0.05, leg: int = 2,
                  most: int = 12) -> None:
         self.model, self.speed, self.most = machine.model(), machine.speed, most
@@ -41,25 +38,24 @@ class HarmonicsView(View):
         self.around = UM * (self.exact.positions(REVOLUTION) - self.exact.mean[:, None])
         size = round_up(1.1 * float(np.abs(self.around).max()))
         places = np.arange(most + 1)
-        with house_style():
-            figure = new_figure(11, 5)
-            left, right = figure.subplots(1, 2)
-            plane(left, f"Orbit at {percent(eccentricity)}, about its mean")
-            left.set(xlabel="x, µm", ylabel="z, µm", adjustable="box", xlim=(-size, size),
-                     ylim=(-size, size))
-            left.plot(*self.around, color="#C8C8C8", linewidth=7, label=f"{2 * most} harmonics")
-            self.path, = left.plot([], [], color=COLOURS["rotor"])
-            left.legend(loc="upper right")
-            right.set(yscale="log", ylim=(LEAST, 1e4), title="Sizes in x, and the error of each")
-            right.set(ylabel="µm (0-to-peak)", xlabel="harmonic")
-            right.set_xticks(places, ["mean", *map(str, places[1:])])
-            right.grid(axis="x", visible=False)
-            right.bar(places, self._sizes(self.exact.coefficients), 0.8, color="#DDDDDD",
-                      label=f"{2 * most} harmonics")
-            self.bars = right.bar(places, np.full(most + 1, LEAST), 0.4, color=COLOURS["rotor"],
-                                  label="computed")
-            self.wrong, = right.plot([], [], "X", color=COLOURS["unstable"], label="error")
-            right.legend(loc="upper right")
+        figure = new_figure(11, 5)
+        left, right = figure.subplots(1, 2)
+        plane(left, f"Orbit at {percent(eccentricity)}, about its mean")
+        left.set(xlabel="x, µm", ylabel="z, µm", adjustable="box", xlim=(-size, size),
+                 ylim=(-size, size))
+        left.plot(*self.around, color="#C8C8C8", linewidth=7, label=f"{2 * most} harmonics")
+        self.path, = left.plot([], [], color=COLOURS["rotor"])
+        left.legend(loc="upper right")
+        right.set(yscale="log", ylim=(LEAST, 1e4), title="Sizes in x, and the error of each")
+        right.set(ylabel="µm (0-to-peak)", xlabel="harmonic")
+        right.set_xticks(places, ["mean", *map(str, places[1:])])
+        right.grid(axis="x", visible=False)
+        right.bar(places, self._sizes(self.exact.coefficients), 0.8, color="#DDDDDD",
+                  label=f"{2 * most} harmonics")
+        self.bars = right.bar(places, np.full(most + 1, LEAST), 0.4, color=COLOURS["rotor"],
+                              label="computed")
+        self.wrong, = right.plot([], [], "X", color=COLOURS["unstable"], label="error")
+        right.legend(loc="upper right")
         self.kept = KeptFigure(figure, [self.path, *self.bars, self.wrong])
 
     def _sizes(self, coefficients: np.ndarray) -> np.ndarray:

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.dynamics.continuation import Step, correct
-from hydrolab.explorers.kept_figure import KeptFigure
-from hydrolab.explorers.widget import FigureExplorer, View, choice, slider, whole
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, choice, slider, whole
 from hydrolab.figures.style import COLOURS, house_style, new_figure
 
 KAPPA = 1.64  # stiffness of the springs over that of the pull
@@ -99,18 +98,18 @@ class ArclengthView(View):
     length.
     """
 
+    @house_style()
     def __init__(self) -> None:
         self._curve = ""
-        with house_style():
-            figure = new_figure(9, 5.4)
-            self.axes = figure.subplots()
-            self.whole, = self.axes.plot([], [], color="#C8C8C8", linewidth=7, label="the curve")
-            self.ways, = self.axes.plot([], [], "-", color=COLOURS["1X"], linewidth=1.4,
-                                        label="predicted, then corrected")
-            self.points, = self.axes.plot([], [], "o", color=COLOURS["rotor"], label="found")
-            self.last, = self.axes.plot([], [], "X", color=COLOURS["unstable"], markersize=14,
-                                        linestyle="none")
-            self.axes.legend(loc="upper left", fontsize=11)
+        figure = new_figure(9, 5.4)
+        self.axes = figure.subplots()
+        self.whole, = self.axes.plot([], [], color="#C8C8C8", linewidth=7, label="the curve")
+        self.ways, = self.axes.plot([], [], "-", color=COLOURS["1X"], linewidth=1.4,
+                                    label="predicted, then corrected")
+        self.points, = self.axes.plot([], [], "o", color=COLOURS["rotor"], label="found")
+        self.last, = self.axes.plot([], [], "X", color=COLOURS["unstable"], markersize=14,
+                                    linestyle="none")
+        self.axes.legend(loc="upper left", fontsize=11)
         self.kept = KeptFigure(figure, [self.ways, self.points, self.last])
         self("circle", "natural", 0.2, 1)  # so that the margins are those of a drawn curve
 

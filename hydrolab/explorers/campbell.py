@@ -10,47 +10,44 @@ from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.modes import campbell, modes
 from hydrolab.explorers.guide import guides
-from hydrolab.explorers.kept_figure import KeptFigure
-from hydrolab.explorers.widget import FigureExplorer, View, slider
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, slider
 from hydrolab.figures.drawing import RPM
 from hydrolab.figures.readings import listed
 from hydrolab.figures.style import COLOURS, house_style, new_figure
-from hydrolab.machine.cards import load_machine, vary
-from hydrolab.machine.parts import Machine
+from hydrolab.machine import Machine, load_machine, vary
 
 
 class CampbellView(View):
-    """The Campbell diagram of a machine while its bearings and its gyroscopic effect change, with
-    the modes at a speed.
+    """The modes over the speed, those at one speed, and the critical speeds.
 
     Damping of the material is left out: modes that hardly oscillate would hide the others.
     """
 
+    @house_style()
     def __init__(self, machine: Machine, to: float, branches: int = 8, points: int = 17) -> None:
         self.machine, self.branches = replace(machine, damping=None), branches
         self.speeds = np.linspace(0, to, points)
         self._key: tuple[float, float] | None = None
         self.diagram = campbell(self.machine.model(), self.speeds, branches)
         top = min(1.25 * float(np.nanmax(self.diagram.hertz[:, :branches])), 1.5 * to / 2 / math.pi)
-        with house_style():
-            figure = new_figure(11, 5.4)
-            axes = figure.subplots()
-            rpm = self.speeds / RPM
-            axes.plot(rpm, rpm / 60, color=COLOURS["1X"], linewidth=1.6)
-            axes.annotate("1X", (rpm[-1], min(rpm[-1] / 60, top)), xytext=(-6, -16), ha="right",
-                          va="top", textcoords="offset points", color=COLOURS["1X"], fontsize=14)
-            self.lines = {way: axes.plot([], [], line, color=colour, label=way)[0]
-                          for way, line, colour in (("forward", "-", COLOURS["x"]),
-                                                    ("backward", "--", COLOURS["z"]),
-                                                    ("planar", ":", COLOURS["unknown"]))}
-            self.critical, = axes.plot([], [], "D", color=COLOURS["fold"], label="critical speed",
-                                       linestyle="none")
-            self.cursor = axes.axvline(0, color=COLOURS["axis"], linewidth=1)
-            self.now, = axes.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white",
-                                  markersize=9)
-            axes.set(xlim=(0, rpm[-1]), ylim=(0, top), xlabel="speed, rpm", ylabel="frequency, Hz",
-                     title=f"Campbell diagram of {machine.name}")
-            axes.legend(loc="upper left", ncols=2)
+        figure = new_figure(11, 5.4)
+        axes = figure.subplots()
+        rpm = self.speeds / RPM
+        axes.plot(rpm, rpm / 60, color=COLOURS["1X"], linewidth=1.6)
+        axes.annotate("1X", (rpm[-1], min(rpm[-1] / 60, top)), xytext=(-6, -16), ha="right",
+                      va="top", textcoords="offset points", color=COLOURS["1X"], fontsize=14)
+        self.lines = {way: axes.plot([], [], line, color=colour, label=way)[0]
+                      for way, line, colour in (("forward", "-", COLOURS["x"]),
+                                                ("backward", "--", COLOURS["z"]),
+                                                ("planar", ":", COLOURS["unknown"]))}
+        self.critical, = axes.plot([], [], "D", color=COLOURS["fold"], label="critical speed",
+                                   linestyle="none")
+        self.cursor = axes.axvline(0, color=COLOURS["axis"], linewidth=1)
+        self.now, = axes.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white",
+                              markersize=9)
+        axes.set(xlim=(0, rpm[-1]), ylim=(0, top), xlabel="speed, rpm", ylabel="frequency, Hz",
+                 title=f"Campbell diagram of {machine.name}")
+        axes.legend(loc="upper left", ncols=2)
         self.kept = KeptFigure(figure, [*self.lines.values(), self.critical, self.cursor, self.now])
 
     def _varied(self, stiffness: float, gyroscopic: float) -> Machine:

@@ -12,13 +12,11 @@ from hydrolab.dynamics.harmonics import ellipse
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
 from hydrolab.explorers.guide import guide_of
-from hydrolab.explorers.kept_figure import KeptFigure
-from hydrolab.explorers.widget import FigureExplorer, View, choice, slider
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, choice, slider
 from hydrolab.figures.drawing import MM, REVOLUTION, UM
 from hydrolab.figures.readings import microns, second_share
 from hydrolab.figures.style import COLOURS, house_style, new_figure, plane
-from hydrolab.machine.cards import load_machine, vary
-from hydrolab.machine.parts import Machine
+from hydrolab.machine import Machine, load_machine, vary
 
 CAUSES = ("more unbalance", "static eccentricity", "stronger field", "softer guide bearing")
 SIZES = ("mean", "1X, long axis", "1X, short axis", "2X, long axis")
@@ -35,29 +33,29 @@ class DiagnosisView(View):
 
     HEALTHY = 0.01  # static eccentricity
 
+    @house_style()
     def __init__(self, machine: Machine) -> None:
         self.machine, self.guide = machine, guide_of(machine)
         self.healthy = self._orbit(CAUSES[0], 0.0)
         base = self._sizes(self.healthy)
-        with house_style():
-            figure = new_figure(11, 5)
-            left, right = figure.subplots(1, 2, width_ratios=(1, 1.2))
-            plane(left, "Orbit at the generator about its mean")
-            left.set(xlabel="x, µm", ylabel="z, µm", adjustable="box", xlim=(-1000, 1000),
-                     ylim=(-1000, 1000),
-                     xticks=range(-1000, 1001, 500), yticks=range(-1000, 1001, 500))
-            left.plot(*(UM * (self.healthy.positions(REVOLUTION) - self.healthy.mean[:, None])),
-                      color="#C8C8C8",
-                      linewidth=6, label="healthy")
-            self.path, = left.plot([], [], color=COLOURS["rotor"], label="now")
-            left.legend(loc="upper right")
-            places = np.arange(len(SIZES))
-            right.bar(places, base, 0.8, color="#DDDDDD", label="healthy")
-            self.bars = right.bar(places, base, 0.4, color=COLOURS["rotor"], label="now")
-            right.set(yscale="log", ylim=(0.01, 1e4), ylabel="µm (0-to-peak)", title="What is read")
-            right.set_xticks(places, [name.replace(", ", ",\n") for name in SIZES])
-            right.grid(axis="x", visible=False)
-            right.legend(loc="upper right")
+        figure = new_figure(11, 5)
+        left, right = figure.subplots(1, 2, width_ratios=(1, 1.2))
+        plane(left, "Orbit at the generator about its mean")
+        left.set(xlabel="x, µm", ylabel="z, µm", adjustable="box", xlim=(-1000, 1000),
+                 ylim=(-1000, 1000),
+                 xticks=range(-1000, 1001, 500), yticks=range(-1000, 1001, 500))
+        left.plot(*(UM * (self.healthy.positions(REVOLUTION) - self.healthy.mean[:, None])),
+                  color="#C8C8C8",
+                  linewidth=6, label="healthy")
+        self.path, = left.plot([], [], color=COLOURS["rotor"], label="now")
+        left.legend(loc="upper right")
+        places = np.arange(len(SIZES))
+        right.bar(places, base, 0.8, color="#DDDDDD", label="healthy")
+        self.bars = right.bar(places, base, 0.4, color=COLOURS["rotor"], label="now")
+        right.set(yscale="log", ylim=(0.01, 1e4), ylabel="µm (0-to-peak)", title="What is read")
+        right.set_xticks(places, [name.replace(", ", ",\n") for name in SIZES])
+        right.grid(axis="x", visible=False)
+        right.legend(loc="upper right")
         self.kept = KeptFigure(figure, [self.path, *self.bars])
 
     def _orbit(self, cause: str, size: float) -> PeriodicOrbit:

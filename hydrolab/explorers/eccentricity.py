@@ -10,9 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.harmonics import synthesise
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.explorers.kept_figure import KeptFigure
 from hydrolab.explorers.legs import STEP, Diagram, Legs, legs_of
-from hydrolab.explorers.widget import FigureExplorer, View, choice, slider
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, choice, slider
 from hydrolab.figures.drawing import (
     MM,
     REVOLUTION,
@@ -25,8 +24,7 @@ from hydrolab.figures.drawing import (
 from hydrolab.figures.readings import orbit_reading, percent
 from hydrolab.figures.rotor import draw_bearings, rotor_stations
 from hydrolab.figures.style import COLOURS, house_style, new_figure, plane
-from hydrolab.machine.cards import load_machine
-from hydrolab.machine.parts import Machine
+from hydrolab.machine import Machine, load_machine
 
 COARSE = REVOLUTION[::4]  # phases at which a moving orbit is drawn
 FEW = 7  # frames of a flip-book: three explorers of a branch stand in one notebook
@@ -37,10 +35,9 @@ INSET = 0.66  # of the gap: side of the square inside the circle that shows the 
 
 
 class EccentricityView(View):
-    """The steady state of a machine on a leg of its branch, at any static eccentricity.
+    """The steady state on a leg of a branch, in the gap, in harmonics and along the shaft.
 
-    Call it with an eccentricity in per cent and the number of a leg (1 is the first). Where there
-    is no steady state it says so and leaves the last one in grey.
+    Where there is none it says so and leaves the last one in grey.
     """
 
     def __init__(self, machine: Machine, legs: Legs | None = None) -> None:
@@ -48,8 +45,7 @@ class EccentricityView(View):
         self.shape: list[Artist] = []
         model = self.legs.branch.equations.model
         self.gap, self.contact = model.gap, contact_line(model)
-        with house_style():
-            self._draw()
+        self._draw()
 
     @property
     def names(self) -> list[tuple[str, int]]:
@@ -61,6 +57,7 @@ class EccentricityView(View):
                          number))
         return said
 
+    @house_style()
     def _draw(self) -> None:
         """Everything that stands still, and the artists that move."""
         figure = new_figure(11.4, 5.5)
@@ -144,8 +141,8 @@ class EccentricityView(View):
         return self.shape
 
     def __call__(self, eccentricity: float, leg: int = 1) -> str:
-        """Show the steady state at an eccentricity (%) on a leg; return what the figure says, in
-        words.
+        """Show the steady state at an eccentricity (%) on a leg (1 is the first); return the
+        reading.
         """
         self.diagram.cursor.set_xdata([eccentricity, eccentricity])
         with threadpool_limits(1):

@@ -1,5 +1,4 @@
-"""The radial bearings of a machine, of whatever kind, and the number that says how stiff one is.
-"""
+"""The radial bearings of a machine, of whatever kind, and the number that says how stiff one is."""
 
 from __future__ import annotations
 
@@ -10,10 +9,9 @@ from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
 from hydrolab.machine.parts import Machine
+from hydrolab.machine.quantities import dotted, numbers_of
 
-# the number that says how stiff a bearing is, by the kinds of bearing: its unit and 1 SI in that
-STIFFNESS = {"stiffness": ("GN/m", 1e-9), "pad_stiffness": ("GN/m a pad", 1e-9),
-             "viscosity": ("mPa s", 1e3)}
+SHOWN = {"N/m": ("GN/m", 1e-9), "Pa s": ("mPa s", 1e3)}  # what sliders show SI units in
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +34,17 @@ class Guide:
 
 
 def guides(machine: Machine) -> list[Guide]:
-    """All radial bearings of a machine: springs, pads and films."""
-    return [Guide(bearing.name, bearing.node, f"bearings.{bearing.name}.{name}",
-                  getattr(bearing, name), *STIFFNESS[name])
-            for bearing in machine.all_bearings for name in STIFFNESS if hasattr(bearing, name)]
+    """All bearings of a machine but those against tilt, each with the number that its kind is told
+    by.
+    """
+    found = []
+    for bearing in machine.all_bearings:
+        if bearing not in machine.thrust_bearings:
+            name = bearing.told_by
+            unit = numbers_of(type(bearing))[name].unit
+            found.append(Guide(bearing.name, bearing.node, dotted(bearing.key, name),
+                               getattr(bearing, name), *SHOWN.get(unit, (unit, 1.0))))
+    return found
 
 
 def guide_of(machine: Machine) -> Guide:

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from hydrolab.errors import BadInput
-from hydrolab.explorers.kept_figure import KeptFigure
-from hydrolab.explorers.widget import FigureExplorer, View, whole
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, whole
 from hydrolab.figures.style import COLOURS, house_style, new_figure
-from hydrolab.machine.cards import load_machine
-from hydrolab.machine.parts import Machine, RadialBearing, Shaft
+from hydrolab.machine import Machine, RadialBearing, Shaft, load_machine
 
 MODES = 4
 MOST = 16  # elements
@@ -29,30 +27,30 @@ class ElementsView(View):
     1921): E I k⁴ − ω² (ρA + ρI k² + ρ E I k²/(κG)) + ω⁴ ρ² I/(κG) = 0 with k = nπ/L.
     """
 
+    @house_style()
     def __init__(self, shaft: Shaft) -> None:
         self.shaft = _uniform(shaft, 1)
         self.exact = np.array([self._frequency(n) for n in range(1, MODES + 1)])
         found = {count: self.modes(count)[0] for count in range(1, MOST + 1)}
-        with house_style():
-            figure = new_figure(11, 5)
-            left, right = figure.subplots(1, 2)
-            self.y = np.linspace(0, 1, 201)
-            self.sine, = left.plot([], [], color="#C8C8C8", linewidth=7, label="exact")
-            self.line, = left.plot([], [], "o-", color=COLOURS["rotor"], label="at the nodes")
-            left.set(xlim=(0, 1), ylim=(-1.25, 1.25), xlabel="depth / length", title="Shape")
-            left.legend(loc="upper right", ncols=2)
-            for n, colour in enumerate(COLOUR):
-                known = [(count, 100 * (f[n] / self.exact[n] - 1)) for count, f in found.items()
-                         if len(f) > n]
-                right.plot(*zip(*known, strict=True), color=colour, marker=".",
-                           label=f"mode {n + 1}")
-            right.set(xscale="log", yscale="log", xlim=(0.9, 18), ylim=(1e-4, 300),
-                      xlabel="elements", title="Frequency too high by, %")
-            right.set_xticks([1, 2, 3, 4, 6, 8, 12, 16], [1, 2, 3, 4, 6, 8, 12, 16])
-            right.minorticks_off()
-            right.legend(loc="lower left")
-            self.here, = right.plot([], [], "o", markersize=14, fillstyle="none",
-                                    color=COLOURS["mean"])
+        figure = new_figure(11, 5)
+        left, right = figure.subplots(1, 2)
+        self.y = np.linspace(0, 1, 201)
+        self.sine, = left.plot([], [], color="#C8C8C8", linewidth=7, label="exact")
+        self.line, = left.plot([], [], "o-", color=COLOURS["rotor"], label="at the nodes")
+        left.set(xlim=(0, 1), ylim=(-1.25, 1.25), xlabel="depth / length", title="Shape")
+        left.legend(loc="upper right", ncols=2)
+        for n, colour in enumerate(COLOUR):
+            known = [(count, 100 * (f[n] / self.exact[n] - 1)) for count, f in found.items()
+                     if len(f) > n]
+            right.plot(*zip(*known, strict=True), color=colour, marker=".",
+                       label=f"mode {n + 1}")
+        right.set(xscale="log", yscale="log", xlim=(0.9, 18), ylim=(1e-4, 300),
+                  xlabel="elements", title="Frequency too high by, %")
+        right.set_xticks([1, 2, 3, 4, 6, 8, 12, 16], [1, 2, 3, 4, 6, 8, 12, 16])
+        right.minorticks_off()
+        right.legend(loc="lower left")
+        self.here, = right.plot([], [], "o", markersize=14, fillstyle="none",
+                                color=COLOURS["mean"])
         self.kept = KeptFigure(figure, [self.sine, self.line, self.here])
 
     def _frequency(self, n: int) -> float:

@@ -20,14 +20,12 @@ from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.explorers.eccentricity import COARSE, FADED, FEW
 from hydrolab.explorers.guide import guide_of
-from hydrolab.explorers.kept_figure import KeptFigure
 from hydrolab.explorers.legs import Legs, Number, legs_of
-from hydrolab.explorers.widget import FigureExplorer, View, slider
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, slider
 from hydrolab.figures.drawing import MM, draw_axis, nearest, round_up
 from hydrolab.figures.readings import listed, percent
 from hydrolab.figures.style import COLOURS, LINES, house_style, new_figure, plane
-from hydrolab.machine.cards import load_machine, vary
-from hydrolab.machine.parts import Machine
+from hydrolab.machine import Machine, load_machine, vary
 
 WORDS = ("stable", "unstable", "unknown")
 SEVERAL = 4  # orbits shown at one eccentricity
@@ -54,9 +52,9 @@ class BranchView(View):
                         "stiffness": (self.guide.key, self.guide.value, self.guide.shown)}
         self._ratios: dict[str, float] = {}
         self._size = 0.0
-        with house_style():
-            self._draw()
+        self._draw()
 
+    @house_style()
     def _draw(self) -> None:
         figure = new_figure(11.4, 5.7)
         grid = figure.add_gridspec(2, 2, width_ratios=(1.1, 1))

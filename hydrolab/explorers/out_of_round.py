@@ -7,12 +7,10 @@ import math
 import numpy as np
 
 from hydrolab.errors import BadInput
-from hydrolab.explorers.kept_figure import KeptFigure
-from hydrolab.explorers.widget import FigureExplorer, View, choice, slider
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, choice, slider
 from hydrolab.figures.drawing import MM, REVOLUTION
 from hydrolab.figures.style import COLOURS, house_style, new_figure
-from hydrolab.machine.cards import load_machine
-from hydrolab.machine.parts import Machine
+from hydrolab.machine import Machine, load_machine
 from hydrolab.machine.pull import CircularPull, ShapedPull
 
 DRAWN_GAP = 1 / 3  # of the rotor's radius, for the eye
@@ -26,29 +24,29 @@ class GapShapeView(View):
     round gap.
     """
 
+    @house_style()
     def __init__(self, machine: Machine) -> None:
         if machine.air_gap is None:
             raise BadInput(f"{machine.name} has no air_gap; there is no pull without one.")
         self.gap, self.k = machine.air_gap.gap, machine.air_gap.pull_stiffness
         self.angle = 2 * math.pi * np.arange(SAMPLES) / SAMPLES
-        with house_style():
-            figure = new_figure(11, 5)
-            left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
-            self.stator, = left.plot([], [], color=COLOURS["stator"], linewidth=5)
-            left.plot(*((1 + DRAWN_GAP) * TURN), ":", color=COLOURS["axis"], linewidth=1.2)
-            self.disc, = left.fill(*TURN, color=COLOURS["rotor"], alpha=0.3, linewidth=0)
-            self.arrow, = left.plot([], [], color=COLOURS["mean"], linewidth=4)
-            left.set(xlim=(-2.0, 2.0), ylim=(-1.75, 1.75), aspect="equal")
-            left.set_title("From above; dotted: the round gap", fontsize=13)
-            left.set_axis_off()
-            self.round, = right.plot([], [], ":", color=COLOURS["axis"], label="round gap")
-            self.radial, = right.plot([], [], color=COLOURS["x"], label="outwards")
-            self.sideways, = right.plot([], [], "--", color=COLOURS["z"], label="sideways")
-            self.cursor = right.axvline(0, color=COLOURS["axis"], linewidth=1)
-            right.set(xlim=(0, 360), ylim=(-600, 1600), title="Pull, kN",
-                      xlabel="direction of the displacement, ° from z towards x")
-            right.set_xticks(range(0, 361, 90))
-            right.legend(loc="upper right", ncols=3, fontsize=11)
+        figure = new_figure(11, 5)
+        left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
+        self.stator, = left.plot([], [], color=COLOURS["stator"], linewidth=5)
+        left.plot(*((1 + DRAWN_GAP) * TURN), ":", color=COLOURS["axis"], linewidth=1.2)
+        self.disc, = left.fill(*TURN, color=COLOURS["rotor"], alpha=0.3, linewidth=0)
+        self.arrow, = left.plot([], [], color=COLOURS["mean"], linewidth=4)
+        left.set(xlim=(-2.0, 2.0), ylim=(-1.75, 1.75), aspect="equal")
+        left.set_title("From above; dotted: the round gap", fontsize=13)
+        left.set_axis_off()
+        self.round, = right.plot([], [], ":", color=COLOURS["axis"], label="round gap")
+        self.radial, = right.plot([], [], color=COLOURS["x"], label="outwards")
+        self.sideways, = right.plot([], [], "--", color=COLOURS["z"], label="sideways")
+        self.cursor = right.axvline(0, color=COLOURS["axis"], linewidth=1)
+        right.set(xlim=(0, 360), ylim=(-600, 1600), title="Pull, kN",
+                  xlabel="direction of the displacement, ° from z towards x")
+        right.set_xticks(range(0, 361, 90))
+        right.legend(loc="upper right", ncols=3, fontsize=11)
         self.kept = KeptFigure(figure, [self.stator, self.disc, self.arrow, self.round,
                                         self.radial, self.sideways, self.cursor])
 

@@ -12,14 +12,12 @@ from threadpoolctl import threadpool_limits
 from hydrolab.dynamics.integrate import CentralDifference, integrate
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
 from hydrolab.explorers.eccentricity import FEW
-from hydrolab.explorers.kept_figure import KeptFigure
 from hydrolab.explorers.legs import STEP, Diagram, legs_of
-from hydrolab.explorers.widget import FigureExplorer, View, slider
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, slider
 from hydrolab.figures.drawing import MM, REVOLUTION, contact_line, draw_axis
 from hydrolab.figures.readings import percent
 from hydrolab.figures.style import COLOURS, LINES, PURPLE, house_style, new_figure, plane
-from hydrolab.machine.cards import load_machine
-from hydrolab.machine.parts import Machine
+from hydrolab.machine import Machine, load_machine
 from hydrolab.paper.study import stable_steps
 
 SEVERAL = 5  # orbits shown at one eccentricity
@@ -40,28 +38,28 @@ class PastFoldView(View):
     no leg it is integrated on, in steps of 0.01 %: with 0.05 % the steps decide where it ends.
     """
 
+    @house_style()
     def __init__(self, machine: Machine) -> None:
         self.legs, self.model, self.speed = legs_of(machine), machine.model(), machine.speed
         self.contact = contact_line(self.model)
         self.method = CentralDifference(stable_steps(self.model, self.speed))
-        with house_style():
-            figure = new_figure(11.4, 5.5)
-            left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
-            plane(left, "All orbits in the gap")
-            draw_axis(left)
-            reach = 1.12 * MM * self.model.gap
-            left.set(adjustable="box", xlim=(-reach, reach), ylim=(-reach, reach))
-            self.circle, = left.plot([], [], color=COLOURS["stator"], linewidth=3.5)
-            self.orbits = [left.plot([], [])[0] for _ in range(SEVERAL)]
-            self.motion, = left.plot([], [], color=PURPLE, linewidth=1.2)
-            self.words = left.annotate("", (0.5, 0.86), xycoords="axes fraction", ha="center",
-                                       fontsize=14)
-            self.diagram = Diagram(right, self.legs)
-            self.dots, = right.plot([], [], "o", color=COLOURS["axis"], markersize=7,
-                                    linestyle="none")
-            self.jumps, = right.plot([], [], color=PURPLE, linewidth=2, marker=".")
-            self.here, = right.plot([], [], "o", color=COLOURS["rotor"], markersize=15,
-                                    fillstyle="none", markeredgewidth=3)
+        figure = new_figure(11.4, 5.5)
+        left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
+        plane(left, "All orbits in the gap")
+        draw_axis(left)
+        reach = 1.12 * MM * self.model.gap
+        left.set(adjustable="box", xlim=(-reach, reach), ylim=(-reach, reach))
+        self.circle, = left.plot([], [], color=COLOURS["stator"], linewidth=3.5)
+        self.orbits = [left.plot([], [])[0] for _ in range(SEVERAL)]
+        self.motion, = left.plot([], [], color=PURPLE, linewidth=1.2)
+        self.words = left.annotate("", (0.5, 0.86), xycoords="axes fraction", ha="center",
+                                   fontsize=14)
+        self.diagram = Diagram(right, self.legs)
+        self.dots, = right.plot([], [], "o", color=COLOURS["axis"], markersize=7,
+                                linestyle="none")
+        self.jumps, = right.plot([], [], color=PURPLE, linewidth=2, marker=".")
+        self.here, = right.plot([], [], "o", color=COLOURS["rotor"], markersize=15,
+                                fillstyle="none", markeredgewidth=3)
         self.kept = KeptFigure(figure, [self.circle, *self.orbits, self.motion, self.words,
                                         self.diagram.cursor, self.dots, self.jumps, self.here])
         self.begin()

@@ -8,13 +8,11 @@ from threadpoolctl import threadpool_limits
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.integrate import CentralDifference, Newmark, integrate
 from hydrolab.errors import BadInput, NoConvergence
-from hydrolab.explorers.kept_figure import KeptFigure
-from hydrolab.explorers.widget import FigureExplorer, View, choice, steps
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, choice, steps
 from hydrolab.figures.drawing import REVOLUTION, UM
 from hydrolab.figures.readings import microns, vibration
 from hydrolab.figures.style import COLOURS, house_style, new_figure, plane
-from hydrolab.machine.cards import load_machine
-from hydrolab.machine.parts import Machine
+from hydrolab.machine import Machine, load_machine
 
 METHODS = {"central difference": CentralDifference, "Newmark, γ = 1/2": Newmark,
            "Newmark, γ = 0.6": lambda n: Newmark(n, beta=0.3025, gamma=0.6)}  # β = (γ + 1/2)²/4
@@ -33,6 +31,7 @@ class IntegratorView(View):
     method and step that was looked at leaves a mark.
     """
 
+    @house_style()
     def __init__(self, machine: Machine, eccentricity: float = 0.07) -> None:
         self.model, self.speed = machine.model(), machine.speed
         self.orbit = HarmonicBalance(harmonics=16).solve(self.model, self.speed, eccentricity)
@@ -41,29 +40,28 @@ class IntegratorView(View):
             raise BadInput(f"{machine.name} does not vibrate here; an explorer of a method's error "
                            "needs an unbalance.")
         self.errors: dict[tuple[str, int], float] = {}
-        with house_style():
-            figure = new_figure(11, 5)
-            left, right = figure.subplots(1, 2)
-            plane(left, f"Revolution {REVOLUTIONS} about the mean, µm")
-            left.set(xlabel="x, µm", ylabel="z, µm")
-            exact = UM * (self.orbit.positions(REVOLUTION) - self.orbit.mean[:, None])
-            left.plot(*exact, color="#C8C8C8", linewidth=7, label="the orbit")
-            size = 1.5 * float(np.abs(exact).max())
-            left.set(adjustable="box", xlim=(-size, size), ylim=(-size, size))
-            self.path, = left.plot([], [], label="computed")
-            left.legend(loc="upper right")
-            right.set(xscale="log", yscale="log", xlim=ENDS, ylim=(1e-2, 1e4),
-                      xlabel="steps in a revolution", ylabel="largest distance from the orbit, µm",
-                      title="Error, and the slope of the method's order")
-            right.set_xticks(STEPS, STEPS, fontsize=10)
-            right.minorticks_off()
-            self.slope, = right.plot([], [], ":", color=COLOURS["axis"])
-            self.seen = {name: right.plot([], [], mark, color=colour, linestyle="none",
-                                          label=name)[0]
-                         for name, (mark, colour) in MARKS.items()}
-            self.here, = right.plot([], [], "o", markersize=15, fillstyle="none",
-                                    color=COLOURS["mean"])
-            right.legend(loc="upper right")
+        figure = new_figure(11, 5)
+        left, right = figure.subplots(1, 2)
+        plane(left, f"Revolution {REVOLUTIONS} about the mean, µm")
+        left.set(xlabel="x, µm", ylabel="z, µm")
+        exact = UM * (self.orbit.positions(REVOLUTION) - self.orbit.mean[:, None])
+        left.plot(*exact, color="#C8C8C8", linewidth=7, label="the orbit")
+        size = 1.5 * float(np.abs(exact).max())
+        left.set(adjustable="box", xlim=(-size, size), ylim=(-size, size))
+        self.path, = left.plot([], [], label="computed")
+        left.legend(loc="upper right")
+        right.set(xscale="log", yscale="log", xlim=ENDS, ylim=(1e-2, 1e4),
+                  xlabel="steps in a revolution", ylabel="largest distance from the orbit, µm",
+                  title="Error, and the slope of the method's order")
+        right.set_xticks(STEPS, STEPS, fontsize=10)
+        right.minorticks_off()
+        self.slope, = right.plot([], [], ":", color=COLOURS["axis"])
+        self.seen = {name: right.plot([], [], mark, color=colour, linestyle="none",
+                                      label=name)[0]
+                     for name, (mark, colour) in MARKS.items()}
+        self.here, = right.plot([], [], "o", markersize=15, fillstyle="none",
+                                color=COLOURS["mean"])
+        right.legend(loc="upper right")
         self.kept = KeptFigure(figure, [self.path, self.slope, self.here, *self.seen.values()])
 
     def begin(self) -> None:

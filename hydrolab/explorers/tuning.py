@@ -7,13 +7,11 @@ from threadpoolctl import threadpool_limits
 from hydrolab.dynamics.branches import Arclength, follow
 from hydrolab.errors import BadInput
 from hydrolab.explorers.guide import guide_of
-from hydrolab.explorers.kept_figure import KeptFigure
-from hydrolab.explorers.widget import FigureExplorer, View, slider
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, slider
 from hydrolab.figures.drawing import UM
 from hydrolab.figures.readings import first_along
 from hydrolab.figures.style import COLOURS, house_style, new_figure
-from hydrolab.machine.cards import load_machine, vary
-from hydrolab.machine.parts import Machine
+from hydrolab.machine import Machine, load_machine, vary
 
 AMPLITUDE = 200.0  # µm, 1X of the centred generator (Villa et al., section 2)
 FOLDS = (8.90, 8.95)  # %, an orbit is shown at 8.9 and none found beyond
@@ -30,29 +28,29 @@ class CalibrationView(View):
     fold. Each try is marked.
     """
 
+    @house_style()
     def __init__(self, machine: Machine) -> None:
         self.machine, self.guide = machine, guide_of(machine)
         self.body = machine.body(machine.air_gap.body)
         self.tries: list[tuple[float, float]] = []
-        with house_style():
-            figure = new_figure(11, 5.2)
-            left, right = figure.subplots(1, 2)
-            wanted = {"color": COLOURS["stable"], "alpha": 0.35, "linewidth": 0}
-            left.axvspan(*FOLDS, label="fold wanted", **wanted)
-            self.branch, = left.plot([], [], color=COLOURS["rotor"], label="first leg")
-            self.turn, = left.plot([], [], "D", color=COLOURS["fold"])
-            left.plot(0, AMPLITUDE, "o", color=COLOURS["stable"], markersize=14, fillstyle="none",
-                      markeredgewidth=2.5, label="200 µm wanted")
-            left.set(xlim=(0, 12), ylim=(0, 1200), xlabel="static eccentricity, %",
-                     title="1X in x, µm (0-to-peak)")
-            left.legend(loc="upper left")
-            right.axvspan(*FOLDS, **wanted)
-            right.axhspan(AMPLITUDE * (1 - NEAR), AMPLITUDE * (1 + NEAR), **wanted)
-            self.trail, = right.plot([], [], ".-", color="#AAAAAA", linewidth=1)
-            self.now, = right.plot([], [], "o", color=COLOURS["rotor"], markersize=11)
-            right.set(xlim=(5, 12), ylim=(80, 400), xlabel="first fold, %",
-                      ylabel="1X when centred, µm (0-to-peak)",
-                      title="Both at once: where the bands cross")
+        figure = new_figure(11, 5.2)
+        left, right = figure.subplots(1, 2)
+        wanted = {"color": COLOURS["stable"], "alpha": 0.35, "linewidth": 0}
+        left.axvspan(*FOLDS, label="fold wanted", **wanted)
+        self.branch, = left.plot([], [], color=COLOURS["rotor"], label="first leg")
+        self.turn, = left.plot([], [], "D", color=COLOURS["fold"])
+        left.plot(0, AMPLITUDE, "o", color=COLOURS["stable"], markersize=14, fillstyle="none",
+                  markeredgewidth=2.5, label="200 µm wanted")
+        left.set(xlim=(0, 12), ylim=(0, 1200), xlabel="static eccentricity, %",
+                 title="1X in x, µm (0-to-peak)")
+        left.legend(loc="upper left")
+        right.axvspan(*FOLDS, **wanted)
+        right.axhspan(AMPLITUDE * (1 - NEAR), AMPLITUDE * (1 + NEAR), **wanted)
+        self.trail, = right.plot([], [], ".-", color="#AAAAAA", linewidth=1)
+        self.now, = right.plot([], [], "o", color=COLOURS["rotor"], markersize=11)
+        right.set(xlim=(5, 12), ylim=(80, 400), xlabel="first fold, %",
+                  ylabel="1X when centred, µm (0-to-peak)",
+                  title="Both at once: where the bands cross")
         self.kept = KeptFigure(figure, [self.branch, self.turn, self.trail, self.now])
 
     def begin(self) -> None:
