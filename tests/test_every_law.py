@@ -220,7 +220,7 @@ def explorers_of_a_branch(case):
     moving = explorers.branch_explorer(case.machine, 2.0)
     assert f"stable with a smallest gap of {gap}" in moving.reading
     drawn = moving.view.dots[1].get_ydata()
-    assert drawn[0] == pytest.approx(1e3 * case.orbit.smallest_gap, rel=1e-4)
+    assert drawn[0] == pytest.approx(1e3 * case.orbit.smallest_gap, rel=1e-12)
     softer = 0.9 * moving.controls["stiffness"].value
     moving.set(stiffness=softer)
     again = vary(case.machine, {moving.view.guide.key: 0.9 * moving.view.guide.value}).model()

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from hydrolab.dynamics.batch import update_branch
 from hydrolab.dynamics.branches import orbits_at
 from hydrolab.dynamics.harmonics import synthesise
-from hydrolab.dynamics.results import PeriodicOrbit
+from hydrolab.dynamics.results import PeriodicOrbit, clearances
 from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.explorers.eccentricity import COARSE, FADED, FEW
@@ -98,12 +98,9 @@ class BranchView(View):
         """What the two diagrams draw of a branch: 1X along the eccentricity, µm, and the smallest
         gap, mm.
         """
-        model = legs.branch.equations.model
-
         def left(eccentricity: NDArray, local: NDArray) -> NDArray:
-            centre = self.gap * legs.branch.direction[:, None] * eccentricity
-            place = model.relative(np.moveaxis(synthesise(local, COARSE), 1, 0), centre[:, :, None])
-            return MM * model.law.smallest_gap(place, COARSE).min(axis=1)
+            centres = self.gap * eccentricity[:, None] * legs.branch.direction
+            return MM * clearances(legs.branch.equations, local, centres).min(axis=1)
 
         return legs.first, left
 

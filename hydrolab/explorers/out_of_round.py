@@ -83,7 +83,7 @@ class GapShapeView(View):
         self.arrow.set_data([middle[0], tip[0]], [middle[1], tip[1]])
         size = math.hypot(*force)
         turned = math.degrees(math.atan2(*force)) - direction if size > 1.0 else 0.0
-        turned = (turned + 180) % 360 - 180
+        turned = round((turned + 180) % 360 - 180, 1) + 0.0  # not -0.0
         return (f"{'An' if shape == 'oval' else 'A'} {shape} stator, {depth:.0f} % of the gap "
                 f"deep, with the rotor {displacement:.0f} % of the gap off in the direction "
                 f"{direction:.0f}°: the pull is {size / 1e3:.1f} kN, turned by {turned:.1f}° from "
