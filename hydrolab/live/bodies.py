@@ -60,7 +60,7 @@ def orbit_colours(away: NDArray, largest: float) -> NDArray:
 @dataclass(frozen=True)
 class Sizes:
     """Sizes of the drawing, m: inner radius of the stator, height of the rotor, radius of the slim
-    shaft, top and bottom.
+    shaft; Z of the top, the bottom and the rotor's middle.
     """
 
     stator: float
@@ -68,6 +68,7 @@ class Sizes:
     shaft: float
     top: float
     bottom: float
+    middle: float = 0.0
 
     @property
     def unit(self) -> float:
@@ -82,9 +83,11 @@ def sizes_of(machine: Machine) -> Sizes:
     if machine.shaft is None:
         return Sizes(stator, gap.length if gap else 0.5, 0.12, STUB, -STUB)
     nodes, length = machine.shaft.nodes, machine.shaft.length
-    ends = [0.0, -length, *(-float(nodes[body.node] + body.offset) for body in machine.bodies)]
+    bodies = {body.name: -float(nodes[body.node] + body.offset) for body in machine.bodies}
+    ends = [0.0, -length, *bodies.values()]
     radius = min(float(machine.shaft.diameter.max()) / 2, 0.022 * length)
-    return Sizes(stator, gap.length if gap else 0.0, radius, max(ends), min(ends))
+    return Sizes(stator, gap.length if gap else 0.0, radius, max(ends), min(ends),
+                 bodies[gap.body] if gap else 0.0)
 
 
 def disc_radius(body: RigidBody) -> float:

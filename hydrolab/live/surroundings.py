@@ -56,7 +56,7 @@ def views_of(sizes: Sizes) -> dict[str, tuple[Point, Point]]:
         return tuple((centre + away * towards_view(rise)).tolist()), tuple(centre.tolist())
 
     return {"machine": seen(distance, RISE, 0.5 * (sizes.top + sizes.bottom) + 0.05 * u, 0.3 * u),
-            "air gap": seen(0.66 * distance + u, 0.85, sizes.top - 0.8 * u, 0.5 * u),
+            "air gap": seen(0.66 * distance + u, 0.85, sizes.middle - 0.8 * u, 0.5 * u),
             "lower end": seen(0.42 * distance + u, 0.35, sizes.bottom + 1.2 * u, 0.4 * u)}
 
 
@@ -182,7 +182,7 @@ def places_to_name(machine: Machine, sizes: Sizes,
                  else 1.1 * drawn_radius(machine, body) + 0.2 * u)
         yield body.name, outer * -LEFT + [0, 0, -depth]
     heights = bearing_places(machine, sizes.shaft) | {
-        f"crack: {crack.name}": -depth
+        crack.name: -depth
         for crack, depth in zip(machine.cracks, depths[len(machine.bodies):], strict=True)}
     rows = sorted(heights, key=heights.get)
     for _, together in groupby(rows, key=lambda name: round(heights[name] / (LETTERS * u))):
@@ -211,8 +211,9 @@ def add_names(server: ViserServer, machine: Machine, sizes: Sizes, depths: NDArr
     if gap is None:
         return Names(names, None, scale)
     inset = inset_place(sizes)
-    name("stator, cut away", LEFT * 1.22 * sizes.stator + [0, 0, 0.2 * u], "center-right")
-    name("arrow: magnetic pull", -LEFT * 0.35 * u + [0, 0, sizes.top + 1.1 * u])
+    middle = sizes.middle
+    name("stator, cut away", LEFT * 1.22 * sizes.stator + [0, 0, middle - 0.25 * u], "center-right")
+    name("arrow: magnetic pull", -LEFT * 0.35 * u + [0, 0, middle + 0.78 * gap.length + 0.3 * u])
     name(f"orbit in its gap of {1e3 * gap.gap:.3g} mm", inset - [0, 0, (1.1 * INSET + 0.3) * u],
          "top-center")
     return Names(names, label("/gap", "", inset + [0, 0, (1.1 * INSET + 0.2) * u], 1.55,

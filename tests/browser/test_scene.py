@@ -2,24 +2,24 @@
 plays from disk.
 """
 
+import io
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from hydrolab import load_machine
 from hydrolab.live.poses import positions
 from hydrolab.live.recording import record_scene
 from hydrolab.live.scene import MachineScene
-from tests.chromium import BONES, BROWSER, keep, wait_for_bones
+from tests.chromium import BONES, BROWSER, WEBGL, keep, wait_for_bones
 
 playwright_api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra "
                                      "[test]")
 viser = pytest.importorskip("viser", reason="viser is in the project's own dependencies")
 
-FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
-         "--ignore-gpu-blocklist", "--disable-background-networking", "--no-first-run",
-         "--no-proxy-server"]
+FLAGS = [*WEBGL, "--disable-background-networking", "--no-first-run", "--no-proxy-server"]
 SIZE = {"width": 640, "height": 360}
 
 pytestmark = [
@@ -97,8 +97,8 @@ def test_a_recording_plays_from_disk_without_a_network(browser, scene, tmp_path)
     page.wait_for_function(f"first => JSON.stringify(({BONES})()) !== JSON.stringify(first)",
                            arg=first)
     found = np.array(page.evaluate(BONES))[:, :2]
-    turn = 2 * np.pi * np.arange(720) / 720
-    path_of_all = scene.settings.exaggeration * scene.where.motion(turn)[:13, :2]
+    around = scene.where.motion(2 * np.pi * np.arange(720) / 720)[:13, :2]
+    path_of_all = scene.settings.exaggeration * around
     away = np.abs(found[:, :, None] - path_of_all).max(axis=1)
     assert away.max(axis=0).min() < 5e-3  # all bones are on the orbit, at one and the same phase
     # pause; a page that plays leaves a software renderer no time for a picture
@@ -107,3 +107,47 @@ def test_a_recording_plays_from_disk_without_a_network(browser, scene, tmp_path)
     keep(page, "recording")
     context.close()
     assert not strangers and not mistakes
+
+
+WATCH = """() => {
+  let top = window.__viserMutable.nodeRefFromName['/shaft'], last = 0;
+  while (top.parent) top = top.parent;
+  window.watched = {lights: 0, loops: 0};
+  setInterval(() => {
+    let lights = 0;
+    top.traverse(node => { lights += Boolean(node.isLight); });
+    watched.lights = Math.max(watched.lights, lights);
+    const now = parseFloat(document.querySelector('input').value);
+    watched.loops += now < last;
+    last = now;
+  }, 10);
+}"""
+
+
+def colours(page):
+    """The colours of a page, (pixels, 3), and which pixels are not of the floor or the paper."""
+    seen = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), int).reshape(-1, 3)
+    return seen, np.ptp(seen, axis=1) > 30
+
+
+def test_a_recording_keeps_its_light_when_it_begins_again(browser, scene, tmp_path):
+    """viser's player lights lights of its own between two loops: never more lights than the
+    scene's five (one sun in three parts), and what stands still keeps its colours.
+    """
+    scene.change(static_eccentricity=0.088, leg=2, slow_motion=3.0)
+    path = record_scene(scene, tmp_path / "machine.html", turns=2)
+    context = browser.new_context(viewport={"width": 320, "height": 240}, offline=True)
+    page, _, mistakes = open_page(context, path.as_uri())
+    # until the sun is up and the panels are there
+    page.wait_for_timeout(3000)
+    page.evaluate(WATCH)
+    page.wait_for_function("watched.lights > 0")
+    first, painted = colours(page)
+    page.wait_for_function("watched.loops >= 3")
+    third, still_painted = colours(page)
+    assert page.evaluate("watched.lights") == 5
+    both = painted & still_painted
+    assert both.sum() > 500
+    assert np.median(np.abs(third[both] - first[both])) <= 2
+    context.close()
+    assert not mistakes
