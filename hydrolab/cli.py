@@ -206,7 +206,9 @@ def book(options: argparse.Namespace) -> int:
 
 
 def live_book(folder: Path, options: argparse.Namespace) -> int:
-    """Build the course that runs in a browser, and serve it on this computer if asked."""
+    """Build the course of a folder that runs in a browser; the options say whether it is served on
+    this computer.
+    """
     from hydrolab.course.browser_site import build_site, serve
     from hydrolab.course.hand_out import hand_out
 

@@ -319,13 +319,15 @@ class Handler(http.server.SimpleHTTPRequestHandler):
 
 
 def serve_site(folder: Path, port: int = 0) -> http.server.ThreadingHTTPServer:
-    """A server of a built site on this computer alone, not yet running; port 0 takes a free one."""
+    """A server of a built site, a folder, on this computer alone, not yet running; port 0 takes a
+    free one.
+    """
     return http.server.ThreadingHTTPServer(("127.0.0.1", port),
                                            functools.partial(Handler, directory=str(folder)))
 
 
 def serve(folder: Path, *, browser: bool) -> None:
-    """Serve a built site on this computer until Ctrl-C; open it in the browser.
+    """Serve a built site, a folder, on this computer until Ctrl-C; browser: open it there.
 
     At the same port each time if it is free: a browser keeps what is typed by address and port.
     """
