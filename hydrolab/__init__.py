@@ -16,7 +16,7 @@ from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import ellipse, self_crossings
 from hydrolab.dynamics.integrate import CentralDifference, Newmark, RungeKutta, integrate
 from hydrolab.dynamics.maps import steady_map
-from hydrolab.dynamics.modes import campbell, modes
+from hydrolab.dynamics.modes import campbell, critical_speeds, modes
 from hydrolab.dynamics.reduction import reduce, truncation_error
 from hydrolab.dynamics.slow_change import drift, poincare, sweep_in_time
 from hydrolab.dynamics.solvers import newton, powell_dog_leg
@@ -31,9 +31,10 @@ __version__ = "0.1.0"
 __all__ = [
     "Arclength", "BadInput", "CentralDifference", "CircularPull", "Contact", "HarmonicBalance",
     "LinearPull", "Newmark", "NoConvergence", "RungeKutta", "ShapedPull", "arrivals", "basins",
-    "branch_off", "branch_stability", "campbell", "card_names", "card_text", "drift", "ellipse",
-    "floquet", "follow", "integrate", "integrity", "load_machine", "modes", "newton", "orbits_at",
-    "poincare", "powell_dog_leg", "reduce", "rpm", "self_crossings", "stable_orbits_at",
+    "branch_off", "branch_stability", "campbell", "card_names", "card_text", "critical_speeds",
+    "drift", "ellipse", "floquet", "follow", "integrate", "integrity", "load_machine", "modes",
+    "newton", "orbits_at", "poincare", "powell_dog_leg", "reduce", "rpm", "self_crossings",
+    "stable_orbits_at",
     "steady_map", "steady_states", "sweep", "sweep_in_time", "truncation_error", "update_branch",
     "vary",
 ]

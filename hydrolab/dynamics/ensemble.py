@@ -89,9 +89,12 @@ class Split:
         return (orbit.state(phase) @ project.T).ravel()
 
 
-def split(model: Model, speed: float, modes: int = 12) -> Split:
-    """Split a model on its modal basis (`reduce`) at a speed (rad/s)."""
-    small = reduce(model, modes, gyroscopic=True)
+def split(model: Model, speed: float, modes: int = 12, *, checked: bool = False) -> Split:
+    """Split a model on its modal basis (`reduce`) at a speed (rad/s).
+
+    checked: compare the basis with all DOFs there and add what it lacks.
+    """
+    small = reduce(model, modes, gyroscopic=True, speed=speed if checked else None)
     r, inverse = small.size, np.linalg.inv(small.M)
     rest = np.zeros(len(small.selection))
     slope = small.law.linearise(rest, rest, 0.0, speed)[1]
@@ -121,7 +124,7 @@ def split_for(orbit: PeriodicOrbit, steps: int, modes: int) -> Split:
     is stiff beside the step (a bearing, a crack).
     """
     whole("steps", steps, 8)
-    system = split(orbit.model, orbit.speed, modes)
+    system = split(orbit.model, orbit.speed, modes, checked=True)
     phases = 2 * math.pi * np.arange(64 * orbit.revolutions) / 64
     place = orbit.model.relative(orbit.coordinates(phases), orbit.centre[:, None])
     _, slope, damping = orbit.model.law.linearise(place, 0 * place, phases, orbit.speed)

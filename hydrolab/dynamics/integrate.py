@@ -387,7 +387,8 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
 
     speed: rad/s. static_eccentricity: fraction of the gap. ramp: revolutions over which the field
     rises from 0 to its full value. modes: size of the modal basis beside the static deflection
-    under the pull; None integrates all DOFs. direction: gap angle of the stator offset, rad. start:
+    under the pull and what `reduce` adds for a thousandth at this speed; None integrates all DOFs.
+    direction: gap angle of the stator offset, rad. start:
     an orbit to begin on (at phase 0), or a trajectory of the same model and basis to go on from, at
     the phase where it ended, whatever the speed. disturbance: a sideways displacement (x, z) of the
     generator, m, added to the start in the shape of the static deflection. progress: called after
@@ -411,7 +412,7 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
         raise BadInput(f"ramp is {ramp!r}; it must lie between 0 and the {revolutions} "
                        "revolutions.")
     centre = model.centre(number("static_eccentricity", static_eccentricity), direction)
-    small = model if modes is None else reduce(model, modes)
+    small = model if modes is None else reduce(model, modes, speed=speed)
     inertia = np.linalg.eigvalsh(small.M)
     if not inertia[0] > len(inertia) * np.finfo(float).eps * inertia[-1]:
         raise BadInput(f"{model.name} has a DOF without mass, which cannot be integrated in time; "
@@ -465,21 +466,31 @@ def _first_state(model: Model, small: Model, speed: float,
         linear = condense(small.with_field(0.0), float(speed), 1, 8).shaft_linear[1]
         return np.stack([linear.real, -speed * linear.imag])
     if isinstance(start, Trajectory):
+        if not np.isfinite(start.state).all():
+            raise BadInput(f"start cannot be gone on from. {start.stopped}")
+        if start.speed != speed:  # the basis is that of a speed
+            basis = _basis(model, start.model)
+            _require_same(model.on_basis(basis), start.model)
+            return _projected(model, small, start.state @ basis.T)
         if start.state.shape[1] != small.size:
             raise BadInput(f"start has {start.state.shape[1]} DOFs, this basis {small.size}; use "
                            "the same `modes`.")
         _require_same(small, start.model)
-        if not np.isfinite(start.state).all():
-            raise BadInput(f"start cannot be gone on from. {start.stopped}")
         return start.state
     if not isinstance(start, PeriodicOrbit):
         raise BadInput(f"start is {shown(start)}; it must be a steady state or a Trajectory.")
     _require_same(model, start.model)
-    if small is model:
-        return start.state()
-    # Coordinates of the reduced basis by mass-weighted projection of the full displacement.
-    basis = np.linalg.lstsq(model.shaft_map, small.shaft_map, rcond=None)[0]
-    return np.linalg.solve(small.M, basis.T @ model.M @ start.state().T).T
+    return start.state() if small is model else _projected(model, small, start.state())
+
+
+def _basis(model: Model, small: Model) -> NDArray:
+    """Columns of the coordinates of a reduced model, (n, r)."""
+    return np.linalg.lstsq(model.shaft_map, small.shaft_map, rcond=None)[0]
+
+
+def _projected(model: Model, small: Model, state: NDArray) -> NDArray:
+    """A state of all DOFs, (2, n), in those of a reduced model, weighted by the masses."""
+    return np.linalg.solve(small.M, _basis(model, small).T @ model.M @ state.T).T
 
 
 def _require_same(model: Model, other: Model) -> None:

@@ -1,28 +1,38 @@
-"""Free motion of a model: modes at one speed, frequencies at rest, and the Campbell diagram.
+"""Free motion of a model: modes at one speed, at rest, critical speeds and Campbell diagrams.
 
 A mode is q = Re(φ e^{λt}) with (λ² M + λ (C + Ω G) + K) φ = 0 (M. I. Friswell et al., Dynamics of
-Rotating Machines, 2010, section 5.5). A force law such as the magnetic pull is not in K and not in
-here; a bearing of pads counts as closed, and a film as the spring that stands for it in K.
+Rotating Machines, 2010, section 5.5). A force law such as the magnetic pull is not in K: a bearing
+of pads counts as closed, and a film as the spring that stands for it. Where `pull` is an argument,
+the mean slope of all laws can be taken into K and C, and what is printed says whether it is.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq, linear_sum_assignment
+from scipy.optimize import linear_sum_assignment
+from threadpoolctl import threadpool_limits
 
+from hydrolab.dynamics.results import PeriodicOrbit
+from hydrolab.dynamics.winding import mass_scaled, mean_slopes, with_slopes
 from hydrolab.errors import BadInput
+from hydrolab.machine.quantities import require_model, whole
 
 # |Im λ| below this fraction of the largest |λ| is zero to rounding: a double zero splits by √eps
 REAL = 3e-8
 EQUAL = 1e-9  # eigenvalues closer than this fraction of |λ| are double: their shapes are not unique
 PLANAR = 1e-6  # whirl below this is motion along a line
+PEAK = 1 / math.sqrt(2)  # a damping ratio above which a resonance has no peak
+LOST = 0.99  # a damping ratio above which a mode is not recognised any more
+SHOWN = 6  # critical speeds of one direction that are printed
+# of the rated speed: overspeed after load rejection, and runaway of a Kaplan turbine, the highest
+OVERSPEED, RUNAWAY = 1.4, 2.5
 
 
 class LinearModel(Protocol):
@@ -39,6 +49,11 @@ class LinearModel(Protocol):
 
     def velocity_matrix(self, speed: float) -> NDArray:
         """C + Ω G."""
+
+
+def senses(whirl: NDArray) -> tuple[str, ...]:
+    """"forward", "backward" or "planar" for each number from −1 to 1."""
+    return tuple("planar" if abs(w) < PLANAR else "forward" if w > 0 else "backward" for w in whirl)
 
 
 class Spectrum:
@@ -86,32 +101,16 @@ class Modes(Spectrum):
     @property
     def direction(self) -> tuple[str, ...]:
         """Per mode "forward" (with the spin; at rest, from z to x), "backward" or "planar"."""
-        sense = self.whirl if self.speed >= 0 else -self.whirl
-        return tuple("planar" if abs(w) < PLANAR else "forward" if w > 0 else "backward"
-                     for w in sense)
+        return senses(self.whirl if self.speed >= 0 else -self.whirl)
 
     def __str__(self) -> str:
         rows = [f"{f:10.3f} Hz  {d:8s}  damping ratio {100 * r:6.2f} %"
-                for f, d, r in zip(self.hertz, self.direction, self.damping_ratios, strict=True)]
+                for f, d, r in zip(self.hertz, self.direction, self.damping_ratios, strict=True)
+                if r < PEAK]
+        rest = len(self) - len(rows)
+        if rest:
+            rows.append(f"{rest} more hardly oscillate, damping ratio above {100 * PEAK:.0f} %")
         return "\n".join([f"{len(self)} modes at {self.speed * 30 / np.pi:g} rpm", *rows])
-
-
-def mass_scaled(M: NDArray, *matrices: NDArray) -> tuple[NDArray, ...]:
-    """R of M = RᵀR, and each matrix in the coordinates Rq; (n, n) each.
-
-    Raises BadInput if M is not positive definite.
-    """
-    try:
-        R = scipy.linalg.cholesky(M)
-    except np.linalg.LinAlgError as error:
-        raise BadInput("the mass matrix is not positive definite; every DOF needs mass. "
-                       "Give the shaft a density above 0.") from error
-
-    def scaled(matrix: NDArray) -> NDArray:
-        half = scipy.linalg.solve_triangular(R, matrix, trans="T")
-        return scipy.linalg.solve_triangular(R, half.T, trans="T").T
-
-    return R, *(scaled(matrix) for matrix in matrices)
 
 
 def modes(model: LinearModel, speed: float = 0.0) -> Modes:
@@ -119,6 +118,7 @@ def modes(model: LinearModel, speed: float = 0.0) -> Modes:
 
     Raises BadInput if the speed is not finite or M is not positive definite.
     """
+    require_model(model)
     if not math.isfinite(speed):
         raise BadInput(f"speed is {speed}; it must be a finite number of rad/s.")
     R, K, D = mass_scaled(model.M, model.K, model.velocity_matrix(speed))
@@ -135,10 +135,14 @@ def modes(model: LinearModel, speed: float = 0.0) -> Modes:
     shapes = scipy.linalg.solve_triangular(R, scaled / np.linalg.norm(scaled, axis=0))
     largest = shapes[np.abs(shapes).argmax(axis=0), np.arange(len(order))]
     shapes = shapes * (np.abs(largest) / largest)
-    per_node = len(model.shaft_map) // len(model.depths)
-    whirl = whirl_of(*((model.shaft_map @ shapes)[dof::per_node] for dof in range(per_node)))
+    whirl = _whirl(model, shapes)
     whirl[_double(eigenvalues).sum(axis=1) > 1] = 0.0
     return Modes(speed, eigenvalues, shapes, whirl, np.sort(values[~oscillating].real))
+
+
+def _whirl(model: LinearModel, shapes: NDArray) -> NDArray:
+    per_node = len(model.shaft_map) // len(model.depths)
+    return whirl_of(*((model.shaft_map @ shapes)[dof::per_node] for dof in range(per_node)))
 
 
 def whirl_of(x: NDArray, z: NDArray, tilt_x: ArrayLike = 0.0, tilt_z: ArrayLike = 0.0) -> NDArray:
@@ -180,68 +184,207 @@ def undamped_frequencies(model: LinearModel) -> NDArray:
     return np.sqrt(np.where(squares > rounding, squares, 0.0))
 
 
+Kind = TypeVar("Kind", bound=LinearModel)
+
+
+def _under(model: Kind, pull: bool | PeriodicOrbit) -> tuple[Kind, str]:
+    """The model with the mean slope of its force laws in K and C, and words for what was done.
+
+    Raises BadInput for a force that depends on velocity, phase or speed where there is no orbit.
+    """
+    if pull is False:
+        return model, "without the magnetic pull"
+    if isinstance(pull, PeriodicOrbit):
+        return (with_slopes(model, *mean_slopes(pull)),
+                "with the mean slope of the forces on an orbit")
+    if model.law.moving:
+        raise BadInput("pull is True, but a force depends on velocity, phase or speed; give the "
+                       "steady state whose mean slope is meant, pull=orbit.")
+    return (with_slopes(model, model.law.linearise(np.zeros(len(model.selection)))[1]),
+            "with the slope of the forces at rest in the middle")
+
+
+@dataclass(frozen=True, eq=False)
+class CriticalSpeeds:
+    """Speeds at which the rotor moves freely in step with its rotation, ascending.
+
+    speeds: rad/s, (m,). damping_ratios: there, (m,). whirl: as in `Modes`, (m,). shapes: over the
+    model's DOFs, complex, (n, m). order: the free motion has `order` times the frequency of the
+    rotation. forces: in words, whether the magnetic pull is in it. marks: speeds to keep away from,
+    by their names, rad/s.
+    """
+
+    speeds: NDArray
+    damping_ratios: NDArray
+    whirl: NDArray
+    shapes: NDArray
+    order: float
+    forces: str
+    marks: Mapping[str, float]
+
+    def __len__(self) -> int:
+        return len(self.speeds)
+
+    @property
+    def direction(self) -> tuple[str, ...]:
+        """"forward", "backward" or "planar" for each."""
+        return senses(self.whirl)
+
+    def of(self, direction: str) -> NDArray:
+        """The speeds of one direction, rad/s."""
+        return self.speeds[np.array(self.direction, dtype=object) == direction]
+
+    def margin(self, speed: float) -> float:
+        """How far the nearest critical speed is from a speed (rad/s), as a fraction of it: below
+        zero where it lies below, inf where there is none.
+        """
+        away = self.speeds / speed - 1
+        return float(away[np.abs(away).argmin()]) if len(away) else math.inf
+
+    def __str__(self) -> str:
+        rows = [f"Critical speeds of {self.order:g}X, {self.forces}:"]
+        for way in ("forward", "backward", "planar"):
+            own = [f"{s * 30 / np.pi:.1f} rpm (damping ratio {100 * r:.1f} %)"
+                   for s, r, d in zip(self.speeds, self.damping_ratios, self.direction, strict=True)
+                   if d == way]
+            if own or way != "planar":
+                rows.append(f"{way}: {', '.join(own[:SHOWN]) or 'none'}"
+                            + f" and {len(own) - SHOWN} more" * (len(own) > SHOWN))
+        for name, speed in self.marks.items():
+            if len(self):
+                margin = self.margin(speed)
+                rows.append(f"{name} {speed * 30 / np.pi:.1f} rpm: the nearest is "
+                            f"{100 * abs(margin):.0f} % {'above' if margin > 0 else 'below'}")
+        return "\n".join(rows)
+
+
+@threadpool_limits.wrap(limits=1)
+def critical_speeds(model: LinearModel, *, pull: bool | PeriodicOrbit = False, order: float = 1.0,
+                    rated: float | None = None, overspeed: float | None = None,
+                    runaway: float | None = None) -> CriticalSpeeds:
+    """Critical speeds, directly: (K + inΩ C + Ω² (inG − n² M)) φ = 0 for complex Ω, n the order.
+
+    Without damping Ω is real: K φ = Ω² (n² M − inG) φ. With damping the speed is |Ω|, which is
+    that of the undamped machine to first order and lies next to the peak of the response, and the
+    damping ratio is Im Ω/|Ω|. What has no peak, a damping ratio above 1/√2, is left out.
+
+    pull: False leaves the force laws out; True takes their slope at rest in the middle of the gap;
+    a steady state takes their mean slope along it. Asymmetric bearings, seals and slopes are
+    exact. rated, overspeed, runaway: speeds (rad/s) whose margins are printed; where only the rated
+    one is given, 1.4 and 2.5 times that.
+
+    Raises BadInput where the machine can move freely, or for what is no model.
+    """
+    require_model(model)
+    there, forces = _under(model, pull)
+    n, size, eps = float(order), len(there.K), np.finfo(float).eps
+    if not np.linalg.cond(there.K, 1) < 1 / eps:
+        raise BadInput("the machine can move freely, so it has no critical speeds; give it "
+                       "bearings.")
+    flexible = np.linalg.inv(there.K)
+    C, G = there.velocity_matrix(0.0), there.velocity_matrix(1.0) - there.velocity_matrix(0.0)
+    values, vectors = np.linalg.eig(np.block([
+        [-1j * n * flexible @ C, flexible @ (n * n * there.M - 1j * n * G)],
+        [np.eye(size), np.zeros((size, size))]]))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speeds = 1 / values
+    ratios = speeds.imag / np.abs(speeds)
+    keep = np.flatnonzero((speeds.real > 0) & (np.abs(ratios) < PEAK))
+    keep = keep[np.argsort(np.abs(speeds[keep]))]
+    shapes = vectors[size:, keep]
+    shapes = shapes / np.sqrt(np.einsum("im,ij,jm->m", shapes.conj(), there.M, shapes).real)
+    marks = {"rated speed": rated, "overspeed": overspeed or (rated and OVERSPEED * rated),
+             "runaway speed": runaway or (rated and RUNAWAY * rated)}
+    return CriticalSpeeds(np.abs(speeds[keep]), ratios[keep], _whirl(model, shapes), shapes, n,
+                          forces, {name: float(s) for name, s in marks.items() if s})
+
+
 @dataclass(frozen=True, eq=False)
 class Campbell(Spectrum):
     """Modes followed over the speed.
 
     speeds: rad/s, shape (s,). eigenvalues: λ of each branch, rad/s, shape (s, b), NaN where a mode
-    stops oscillating. whirl: as in `Modes`, shape (s, b). order: the excitation line is |Im λ| =
-    order · |Ω|. critical_speeds: where branches cross that line, rad/s, ascending, shape (c,).
-    critical_branches: the branch that crosses there, shape (c,).
+    stops oscillating. whirl: as in `Modes`, shape (s, b). critical: the critical speeds, of which
+    those on the diagram are `critical_speeds`, rad/s, ascending, shape (c,), where the line |Im λ|
+    = order · |Ω| meets the branches `critical_branches`, (c,), −1 for one that is not followed.
     """
 
     speeds: NDArray
     eigenvalues: NDArray
     whirl: NDArray
-    order: float
+    critical: CriticalSpeeds
     critical_speeds: NDArray
     critical_branches: NDArray
 
+    @property
+    def order(self) -> float:
+        """Of the excitation line."""
+        return self.critical.order
+
     def __str__(self) -> str:
-        first, last, *critical = (f"{w * 30 / np.pi:.4g}"
-                                  for w in (self.speeds[0], self.speeds[-1], *self.critical_speeds))
-        return (f"{self.eigenvalues.shape[1]} modes from {first} to {last} rpm; critical speeds of "
-                f"{self.order:g}X: "
-                f"{', '.join(critical) or 'none'}{' rpm' if critical else ''}.")
+        first, last = (f"{w * 30 / np.pi:.4g}" for w in self.speeds[[0, -1]])
+        said = []
+        for way in ("forward", "backward", "planar"):
+            own = [f"{s * 30 / np.pi:.4g}" for s in self.critical.of(way)
+                   if s in np.abs(self.critical_speeds)]
+            if own:
+                said.append(f"{way} {', '.join(own)} rpm")
+        return (f"{self.eigenvalues.shape[1]} modes from {first} to {last} rpm, "
+                f"{self.critical.forces}; critical speeds of {self.order:g}X: "
+                f"{'; '.join(said) or 'none'}.")
 
 
+@threadpool_limits.wrap(limits=1)  # small matrices: two threads are many times slower
 def campbell(model: LinearModel, speeds: Sequence[float] | ArrayLike, branches: int = 8,
-             order: float = 1.0) -> Campbell:
+             order: float = 1.0, *, pull: bool | PeriodicOrbit = False) -> Campbell:
     """Follow the lowest `branches` modes over ascending speeds (rad/s) and find the critical
     speeds.
 
     A mode is recognised by its shape (MAC: R. J. Allemang and D. L. Brown, 1982, with the mass
-    matrix) and by the continuity of λ; where the shape is in doubt the step is halved. order: 1 is
-    the 1X line.
+    matrix) and by the continuity of λ; where the shape is in doubt the step is halved. Modes with a
+    damping ratio above 1/√2 are left out. order: 1 is the 1X line. pull: as in `critical_speeds`.
 
-    Raises BadInput if there are fewer than two speeds or they do not ascend.
+    Raises BadInput if there are fewer than two speeds or they do not ascend, for fewer than one
+    branch, or for what is no model.
     """
+    require_model(model)
+    whole("branches", branches, 1)
     speeds = np.asarray(speeds, dtype=float)
     if speeds.ndim != 1 or len(speeds) < 2 or not np.isfinite(speeds).all() or (np.diff(speeds)
                                                                                 <= 0).any():
         raise BadInput("speeds must be two or more ascending numbers in rad/s, for example "
                        "np.linspace(0, 50, 26).")
+    critical, model = critical_speeds(model, pull=pull, order=order), _under(model, pull)[0]
     # Start just beside the first speed, because the pairs of an isotropic rotor are double at rest.
     start = modes(model, speeds[0] + 1e-3 * (speeds[1] - speeds[0]))
-    lowest = start.eigenvalues[:branches]
-    path = [_Followed(start.speed, lowest, lowest, start.shapes[:, :branches],
-                      start.whirl[:branches])]
+    low = np.flatnonzero(start.damping_ratios < PEAK)[:branches]
+    path = [_Followed(start.speed, start.eigenvalues[low], start.eigenvalues[low],
+                      start.shapes[:, low], start.whirl[low])]
     for speed in speeds:
         path.append(_follow(model, path[-1], speed))
     del path[0]
-    eigenvalues = np.array([p.eigenvalues for p in path])
+    eigenvalues, whirl = (np.array([getattr(p, name) for p in path])
+                          for name in ("eigenvalues", "whirl"))
+    found = np.sort(np.concatenate([critical.speeds, -critical.speeds]))
+    found = found[(found >= speeds[0]) & (found <= speeds[-1])]
+    return Campbell(speeds, eigenvalues, whirl, critical, found,
+                    _branches(speeds, eigenvalues, whirl, critical, found))
 
-    def above_line(speed: float, before: _Followed, branch: int) -> float:
-        return _follow(model, before, speed).eigenvalues[branch].imag - order * abs(speed)
 
-    gap = eigenvalues.imag - order * np.abs(speeds)[:, None]
-    crossings = [(brentq(above_line, speeds[i], speeds[i + 1], args=(path[i], b),
-                         xtol=1e-10 * np.ptp(speeds)), b)
-                 for i, b in np.argwhere((gap[:-1] * gap[1:] < 0) | (gap[:-1] == 0))]
-    crossings.sort()
-    return Campbell(speeds, eigenvalues, np.array([p.whirl for p in path]), order,
-                    np.array([c for c, _ in crossings]),
-                    np.array([b for _, b in crossings], dtype=int))
+def _branches(speeds: NDArray, eigenvalues: NDArray, whirl: NDArray, critical: CriticalSpeeds,
+              found: NDArray) -> NDArray:
+    """The branch that meets the line at each critical speed found, −1 where none comes near."""
+    out = np.full(len(found), -1)
+    for i, speed in enumerate(found):
+        here = [[np.interp(speed, speeds, column) for column in part.T]
+                for part in (eigenvalues.imag, whirl)]
+        own = critical.whirl[np.abs(critical.speeds - abs(speed)).argmin()] * np.sign(speed)
+        away = np.abs(np.array(here[0]) / (critical.order * abs(speed)) - 1)
+        sense = 0.01 * np.abs(np.array(here[1]) - own)
+        away = np.where(np.isfinite(away) & (away < 0.1), away + sense, np.inf)
+        if np.isfinite(away).any():
+            out[i] = away.argmin()
+    return out
 
 
 class _Followed(NamedTuple):
@@ -257,7 +400,10 @@ class _Followed(NamedTuple):
 
 def _follow(model: LinearModel, known: _Followed, speed: float, halvings: int = 6) -> _Followed:
     """The same branches at another speed."""
-    found = modes(model, speed)
+    every = modes(model, speed)
+    keep = every.damping_ratios < LOST
+    found = replace(every, eigenvalues=every.eigenvalues[keep], shapes=every.shapes[:, keep],
+                    whirl=every.whirl[keep])
     count = len(known.last)
     mac = np.abs(known.shapes.conj().T @ model.M @ found.shapes) ** 2
     double = _double(found.eigenvalues)

@@ -1,4 +1,4 @@
-"""A smaller model for work in time: the lowest modes, and the static deflection under the pull.
+"""A smaller model for work in time: the lowest modes, and what acts on the machine beside them.
 
 Plain truncation loses the static stiffness that the cut modes give the generator, and with it moves
 the fold. Adding the deflection under a unit force at each nonlinear coordinate restores it exactly
@@ -6,6 +6,11 @@ the fold. Adding the deflection under a unit force at each nonlinear coordinate 
 and the discs answer with a gyroscopic moment that the lowest modes carry poorly: the deflection
 under that moment, K⁻¹ G K⁻¹ Sᵀ, is added where asked for. With it multipliers are a hundred times
 nearer to those of all DOFs.
+
+Modes at rest know nothing of dashpots, seals and cross-coupling. At a known speed the basis is
+therefore compared with all DOFs: where its answer to the unbalance and to a force at the nonlinear
+coordinates is off at kΩ, the answer of all DOFs is added (moment matching, Grimme 1997), and so are
+free motions that grow or die out slowest and are not in it.
 """
 
 from __future__ import annotations
@@ -16,44 +21,94 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.harmonic_balance import SINGULAR
+from hydrolab.dynamics.harmonic_balance import SINGULAR, dynamic_stiffness
+from hydrolab.dynamics.modes import modes as modes_of
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
-from hydrolab.machine.quantities import whole
+from hydrolab.machine.quantities import require_model, whole
+
+TOLERANCE = 1e-3  # relative error of a basis at a known speed
+HARMONICS = 4  # of the speed, at which its answers are compared
+EVEN = 1e-9  # a damping ratio below this is rounding
+SLOWEST = 3  # free motions that must be in it, beside those that grow
 
 
 @lru_cache(maxsize=64)
-def reduce(model: Model, modes: int = 12, gyroscopic: bool = False) -> Model:
+def reduce(model: Model, modes: int = 12, gyroscopic: bool = False, *, speed: float | None = None,
+           tolerance: float = TOLERANCE) -> Model:
     """The model on its `modes` lowest modes at rest and the static deflections under the pull.
 
-    gyroscopic: add the deflections under the gyroscopic moments of these. The new DOFs are the
-    modes of that subspace, so M is the identity and K is diagonal. A model with no more DOFs than
-    the basis comes back in all its modes. Raises BadInput if `modes` is not a whole number of at
-    least 1.
+    gyroscopic: add the deflections under the gyroscopic moments of these. speed: rad/s; add what
+    this basis lacks there, so that its answers from 0X to 4X and its slowest free motions are right
+    to `tolerance`, relatively, and those that grow are in it. The new DOFs are the modes of that
+    subspace, so M is the identity and K is diagonal where it was symmetric. A model with no more
+    DOFs than the basis comes back in all its modes. Raises BadInput if `modes` is not a whole
+    number of at least 1, or for what is no model.
     """
+    require_model(model)
     whole("modes", modes, 1)
     if not np.linalg.cond(model.K, 1) < 1 / SINGULAR:
         raise BadInput(f"{model.name} can move freely, so it has no static deflection; give it "
                        "bearings.")
     try:
         if modes + (2 if gyroscopic else 1) * len(model.selection) >= model.size:
-            basis = np.eye(model.size)
-        else:
-            shapes = scipy.linalg.eigh(model.K, model.M, subset_by_index=(0, modes - 1))[1]
-            static = np.linalg.solve(model.K, model.selection.T)
-            tilting = np.linalg.solve(model.K,
-                                      model.G
-                                      @ static) if gyroscopic and model.G.any() else static[:, :0]
-            basis = np.hstack([shapes, static, tilting])
-            basis, left = scipy.linalg.qr(basis / np.linalg.norm(basis, axis=0), mode="economic")
-            # without what the columns before already span
-            basis = basis[:, np.abs(np.diag(left)) > 1e-10]
-        _, mix = scipy.linalg.eigh(basis.T @ model.K @ basis, basis.T @ model.M @ basis)
+            return _on(model, np.eye(model.size))
+        squares, shapes = scipy.linalg.eigh((model.K + model.K.T) / 2, model.M,
+                                            subset_by_index=(0, modes - 1))
+        static = np.linalg.solve(model.K, model.selection.T)
+        tilting = np.linalg.solve(model.K, model.G @ static) if gyroscopic else static[:, :0]
+        basis = _independent(np.hstack([shapes, static, tilting]))
+        small = _on(model, basis)
+        if speed is None:
+            return small
+        highest = float(np.sqrt(np.abs(squares[-1])))
+        missing = _missing(model, small, float(speed), highest, tolerance)
+        return _on(model, _independent(np.hstack([basis, missing]))) if missing.size else small
     except np.linalg.LinAlgError as error:
         raise BadInput(f"{model.name} has a DOF without mass, so it has no modes; give the shaft a "
-                       "density above 0."
-                       ) from error
-    return model.on_basis(basis @ mix)
+                       "density above 0.") from error
+
+
+def _independent(columns: NDArray) -> NDArray:
+    """An orthonormal basis of the columns, without what the columns before already span."""
+    columns = columns[:, np.abs(columns).max(axis=0) > 0]
+    basis, left = scipy.linalg.qr(columns / np.linalg.norm(columns, axis=0), mode="economic")
+    return basis[:, np.abs(np.diag(left)) > 1e-10]
+
+
+def _on(model: Model, basis: NDArray) -> Model:
+    """The model in the modes at rest of a subspace."""
+    K = basis.T @ model.K @ basis
+    return model.on_basis(basis @ scipy.linalg.eigh((K + K.T) / 2, basis.T @ model.M @ basis)[1])
+
+
+def _missing(model: Model, small: Model, speed: float, highest: float,
+             tolerance: float) -> NDArray:
+    """Answers and free motions of all DOFs that a basis does not have to a tolerance, (n, any).
+
+    highest: frequency of its fastest mode at rest, rad/s.
+    """
+    lacking = [np.empty((model.size, 0))]
+    for k in range(HARMONICS + 1):
+        exact, own = (np.linalg.solve(dynamic_stiffness(m, k * speed, speed), np.column_stack(
+            [m.selection.T, m.unbalance_cos - 1j * m.unbalance_sin])) for m in (model, small))
+        seen, rough = model.selection @ exact, small.selection @ own
+        # a column for each load, each against its own size
+        away = np.abs(seen - rough).max(axis=0) > tolerance * np.abs(seen).max(axis=0)
+        if k != 1:
+            away[-1] = False
+        lacking.append(exact[:, away])
+    free, known = modes_of(model, speed), modes_of(small, speed)
+    growth = np.where(free.damping_ratios < -EVEN, free.eigenvalues.real, 0)
+    decay = np.where(free.damping_ratios > EVEN, free.eigenvalues.real, 0)
+    decay[(free.frequencies > highest) & (growth == 0)] = -np.inf
+    order = np.argsort(-growth - decay, kind="stable")
+    slow = order[:max(SLOWEST, int(np.sum(growth > 0)))]
+    apart = np.abs(free.eigenvalues[slow][:, None] - known.eigenvalues).min(axis=1, initial=np.inf)
+    new = (growth[slow] > 0) | (apart > tolerance * np.abs(free.eigenvalues[slow]))
+    lacking.append(free.shapes[:, slow[new]])
+    columns = np.hstack(lacking)
+    return np.hstack([columns.real, columns.imag])
 
 
 def truncation_error(model: Model, reduced: Model, speed: float, harmonics: int = 4) -> float:
@@ -63,8 +118,8 @@ def truncation_error(model: Model, reduced: Model, speed: float, harmonics: int 
     percentage.
     """
     def compliance(m: Model, w: float) -> NDArray:
-        dynamic = m.K - w**2 * m.M + 1j * w * m.velocity_matrix(speed)
-        return m.selection @ np.linalg.solve(dynamic, m.selection.T.astype(complex))
+        return m.selection @ np.linalg.solve(dynamic_stiffness(m, w, speed),
+                                             m.selection.T.astype(complex))
 
     worst = 0.0
     for k in range(harmonics + 1):

@@ -159,7 +159,7 @@ def moved(first: NDArray, second: NDArray) -> NDArray:
 TRUST = 1e-3  # relative change of the leading multipliers that two looks may show
 MARGIN = 10  # how many times that change the leading multiplier must be away from the unit circle
 MODES, STEPS = 4, 24  # of the start
-LEADING = 5  # multipliers that are followed to the whole machine
+LEADING = 6  # exponents of each kind that are followed to the whole machine
 FADED = 1e-12  # what decays faster in a period is not followed
 SOLVED = 1e-9  # to which an orbit is solved, and no multiplier is known better
 SLOW = 0.5  # least share of the largest multiplier at which a mode outside the basis is followed
@@ -314,18 +314,19 @@ def _start(eq: Condensed, local: NDArray, centres: NDArray, modes: int,
     return found + 1j * step * copies, np.tile(np.linalg.eigvals(alone), (len(local), 1))
 
 
-def _believed(d: Disturbance, found: NDArray, known: NDArray) -> NDArray:
+def _believed(d: Disturbance, found: NDArray, known: NDArray) -> list[NDArray]:
     """The start's exponents, and the poles of the whole machine that its modes do not know, moved
-    by the mean slope to first order; (P, m).
+    by the mean slope to first order, first those that the forces move much; (P, m) each.
     """
     poles, (slope, damping) = d.linear.poles, d.mean()
     distance = np.abs(poles[:, None] - known[0]) / np.abs(poles)[:, None]
     missing = np.exp(poles.real * 2 * np.pi / d.step) > FADED
     missing[distance.argmin(axis=0)[distance.min(axis=0) < SEEN]] = False
-    moved = poles[missing] + np.einsum("jab,pba->pj", d.linear.residues[missing], slope)
+    moved = poles + np.einsum("jab,pba->pj", d.linear.residues, slope)
     if damping is not None:
-        moved += poles[missing] * np.einsum("jab,pba->pj", d.linear.residues[missing], damping)
-    return np.hstack([found, moved])
+        moved += poles * np.einsum("jab,pba->pj", d.linear.residues, damping)
+    felt = d.felt()[0]
+    return [found, moved[:, missing & felt], moved[:, missing & ~felt]]
 
 
 def _look(eq: Condensed, local: NDArray, centres: NDArray, start: Sequence[NDArray], order: int,
@@ -338,10 +339,10 @@ def _look(eq: Condensed, local: NDArray, centres: NDArray, start: Sequence[NDArr
     linear = background(eq, local, centres)
     coarse = disturbance(rough, path, centres, order, *linear)
     sharp = disturbance(fine, better, centres, 2 * order, *linear)
-    believed = _believed(sharp, *start)
+    groups = _believed(sharp, *start)
+    believed = np.hstack(groups)
     (few, sure, growth), (many, also, _) = count(coarse, believed), count(sharp, believed)
-    exponents = roots(sharp, _leading(believed, sharp.step, start[0].shape[1]))
-    period = 2 * np.pi / sharp.step
+    period, exponents = 2 * np.pi / sharp.step, roots(sharp, _leading(groups, sharp.step))
     values, moves = np.exp(period * exponents), np.full(exponents.shape, np.nan)
     there = np.isfinite(exponents)
     step = newton_step(coarse, exponents, there)[0]
@@ -367,19 +368,19 @@ def _judged(values: NDArray, moves: NDArray, outside: int, certain: bool,
     return Floquet(values, error, verdict, _kind(values[0]), outside, "counted", growth)
 
 
-def _leading(exponents: NDArray, step: float, known: int) -> NDArray:
-    """Of the start's exponents, the first `known` columns, and of the others those with Im λ ≥ 0 up
-    to rounding that decay least, (P, at most 2 LEADING).
-    """
-    folded = exponents.imag / step - np.ceil(exponents.imag / step - 0.5 - 1e-9)
-    upper = np.where(folded >= -1e-9, exponents, np.nan)
+def _leading(groups: Sequence[NDArray], step: float) -> NDArray:
+    """Of each group of exponents the LEADING that decay least, with Im λ ≥ 0 up to rounding."""
     parts = []
-    for part in (upper[:, :known], upper[:, known:]):
-        order = np.argsort(-np.nan_to_num(part.real, nan=-np.inf), axis=1)[:, :LEADING]
-        parts.append(np.take_along_axis(part, order, axis=1))
-    slowest = np.nanmax(np.hstack(parts).real, axis=1, initial=-np.inf)
-    slow = parts[1].real > slowest[:, None] + math.log(SLOW) * step / (2 * np.pi)
-    return np.hstack([parts[0], np.where(slow, parts[1], np.nan)])
+    for group in groups:
+        folded = group.imag / step - np.ceil(group.imag / step - 0.5 - 1e-9)
+        upper = np.where(folded >= -1e-9, group, np.nan)
+        order = np.argsort(-np.nan_to_num(upper.real, nan=-np.inf), axis=1)[:, :LEADING]
+        parts.append(np.take_along_axis(upper, order, axis=1))
+    out = np.hstack(parts)
+    slowest = np.nanmax(out.real, axis=1, initial=-np.inf, keepdims=True)
+    out[:, parts[0].shape[1]:][
+        ~(out[:, parts[0].shape[1]:].real > slowest + math.log(SLOW) * step / (2 * np.pi))] = np.nan
+    return out
 
 
 def _largest_first(values: NDArray, more: NDArray) -> tuple[NDArray, NDArray]:
@@ -497,7 +498,7 @@ def _locate(branch: Branch, i: int, places: range, modes: int) -> list[SpecialPo
         local = step.y.reshape(1, len(eq.linear), -1) * eq.length
         start = _start(eq, local, centre, modes, STEPS)
         d = disturbance(eq, local, centre, FINE, *background(eq, local, centre))
-        exponents = roots(d, _leading(_believed(d, *start), d.step, start[0].shape[1]))[0]
+        exponents = roots(d, _leading(_believed(d, *start), d.step))[0]
         values = np.exp(2 * np.pi / d.step * exponents)
         return np.append(step.y, step.parameter), _largest_first(values, values)[0]
 

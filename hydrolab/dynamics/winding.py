@@ -17,16 +17,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.harmonic_balance import Condensed
 from hydrolab.dynamics.harmonics import fourier_rows, rates
-from hydrolab.dynamics.modes import mass_scaled
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
 
@@ -39,6 +40,24 @@ STEPS = 12  # of Newton's method
 CHUNK = 256  # determinants at once
 EPS = float(np.finfo(float).eps)
 ON_AXIS = 1e-6  # revolutions⁻¹: the line to the right of poles that lie on the axis
+
+
+def mass_scaled(M: NDArray, *matrices: NDArray) -> tuple[NDArray, ...]:
+    """R of M = RᵀR, and each matrix in the coordinates Rq; (n, n) each.
+
+    Raises BadInput if M is not positive definite.
+    """
+    try:
+        R = scipy.linalg.cholesky(M)
+    except np.linalg.LinAlgError as error:
+        raise BadInput("the mass matrix is not positive definite; every DOF needs mass. "
+                       "Give the shaft a density above 0.") from error
+
+    def scaled(matrix: NDArray) -> NDArray:
+        half = scipy.linalg.solve_triangular(R, matrix, trans="T")
+        return scipy.linalg.solve_triangular(R, half.T, trans="T").T
+
+    return R, *(scaled(matrix) for matrix in matrices)
 
 
 class Same:
@@ -93,6 +112,7 @@ def _back(U: NDArray, s: NDArray, right: NDArray) -> NDArray:
 
 
 @lru_cache(maxsize=32)
+@threadpool_limits.wrap(limits=1)
 def compliance(matrices: Same, speed: float) -> Compliance:
     """T of the machine with these M, C, G, K and S at a speed (rad/s), by the eigenvalues 1/λ of
     the inverse: so the slow motions, which matter, are the sharp ones however fine the mesh.
@@ -221,6 +241,14 @@ class Disturbance:
         answer = np.linalg.norm(self.linear(at + 1e-9j * self.step), axis=(2, 3))
         return np.linalg.norm(self.linear.residues, axis=(1, 2)) * (answer * force**2).sum(axis=1)
 
+    def felt(self, line: float = 0.0) -> tuple[NDArray, NDArray]:
+        """Which poles the forces may move across Re λ = line, and which by more than their mean
+        does, (m,) each.
+        """
+        away = MOVED * np.maximum(np.abs(self.linear.poles.real - line), 1e-9 * self.step)
+        swayed = self.swayed() > away
+        return (self.reach() > away) | swayed, swayed
+
     def alone(self, which: NDArray, s: NDArray) -> NDArray:
         """log det(I − T(s)(J₀ + s B₀)), what a harmonic of frequency s multiplies f by where the
         forces hold their mean.
@@ -271,15 +299,28 @@ def background(eq: Condensed, local: NDArray, centres: NDArray) -> tuple[Complia
     because they may be stiffer than all else.
     """
     model = eq.model
-    own = Same(model.M, model.C, model.G, model.K, model.selection)
     if pull_alone(model):
-        return compliance(own, eq.speed), [0.0, 0.0]
-    mean = [0.0 if d is None else d.mean(axis=-1)[..., 0]
-            for d in derivatives(eq, local[:1], centres[:1], 64)]
+        part = [0.0, 0.0]
+    else:
+        part = [0.0 if d is None else d.mean(axis=-1)[..., 0]
+                for d in derivatives(eq, local[:1], centres[:1], 64)]
+        model = with_slopes(model, *part)
+    own = Same(model.M, model.C, model.G, model.K, model.selection)
+    return compliance(own, eq.speed), part
+
+
+def mean_slopes(orbit: PeriodicOrbit) -> list:
+    """∂F/∂u and ∂F/∂u̇, mean along an orbit, (c, c) each; 0 where there is none."""
+    found = derivatives(orbit.equations, orbit.local[None], orbit.centre[None], 256)
+    return [0.0 if d is None else d.mean(axis=-1)[..., 0] for d in found]
+
+
+def with_slopes(model: Model, slope: NDArray | float, damping: NDArray | float = 0.0) -> Model:
+    """The model with a slope and a damping of its forces, (c, c), taken into K and C."""
     S = model.selection
     K, C = (A - S.T @ (part + np.zeros((len(S), len(S)))) @ S
-            for A, part in zip((model.K, model.C), mean, strict=True))
-    return compliance(Same(model.M, C, model.G, K, S), eq.speed), mean
+            for A, part in ((model.K, slope), (model.C, damping)))
+    return replace(model, K=K, C=C)
 
 
 def disturbance(eq: Condensed, local: NDArray, centres: NDArray, order: int,
@@ -375,8 +416,7 @@ def count(d: Disturbance, believed: NDArray) -> tuple[NDArray, NDArray, float]:
     taken = (np.abs(poles.imag) < half) & (away < nu)
     useless = (np.abs(believed.real - sigma) < 1e-9 * nu) | (np.abs(believed.imag) > half)
     believed = np.where(useless, np.nan, believed)
-    swayed = d.swayed() > MOVED * away
-    felt = (d.reach() > MOVED * away) | swayed
+    felt, swayed = d.felt(sigma)
     lone = d.added if (swayed & (np.abs(poles.imag) > half)).any() else d.alone
 
     def fold(s: NDArray) -> NDArray:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from hydrolab.dynamics.modes import campbell, modes, undamped_frequencies
+from hydrolab import HarmonicBalance, load_machine
+from hydrolab.dynamics.modes import campbell, critical_speeds, modes, undamped_frequencies
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import rayleigh_coefficients
 from hydrolab.machine.parts import (
@@ -249,7 +250,7 @@ def test_a_branch_that_stops_oscillating_is_nan():
     Id, Ip, k = 2.0, 3.0, 5e3
     model = replace(gyroscope(Id, Ip, k), C=np.diag([0.0, 0.0, 300.0, 300.0]))
     # λ² Id + λ (c − iΩIp) + k = 0 in θz + iθx (or its conjugate), overdamped at rest: c² > 4 Id k
-    found = campbell(model, [-50.0, 0.0, 50.0], branches=4)
+    found = campbell(model, [-200.0, 0.0, 200.0], branches=4)
     assert not np.isnan(found.frequencies[0]).any()
     lost = np.isnan(found.frequencies[1])
     assert lost.sum() == 2
@@ -259,7 +260,8 @@ def test_a_branch_that_stops_oscillating_is_nan():
 def test_a_campbell_diagram_prints_its_critical_speeds():
     found = campbell(point_mass(4.0, 0.0, 100.0), [0.0, 10.0])
     # √(100/4) = 5 rad/s
-    assert str(found) == "2 modes from 0 to 95.49 rpm; critical speeds of 1X: 47.75, 47.75 rpm."
+    assert str(found) == ("2 modes from 0 to 95.49 rpm, without the magnetic pull; critical speeds "
+                          "of 1X: planar 47.75, 47.75 rpm.")
     assert str(campbell(point_mass(4.0, 0.0, 100.0), [0.0, 1.0])).endswith("of 1X: none.")
 
 
@@ -269,6 +271,8 @@ def test_bad_speeds_are_refused_in_a_sentence():
             campbell(point_mass(1.0, 0.0, 1.0), speeds)
     with pytest.raises(BadInput, match="finite"):
         modes(point_mass(1.0, 0.0, 1.0), np.inf)
+    with pytest.raises(BadInput, match="branches is 0"):
+        campbell(point_mass(1.0, 0.0, 1.0), [0.0, 1.0], branches=0)
     with pytest.raises(BadInput, match="positive definite"):
         modes(replace(point_mass(1.0, 0.0, 1.0), M=np.zeros((2, 2))))
 
@@ -293,3 +297,94 @@ def test_rayleigh_damping_passes_over_rigid_motions_and_needs_two_frequencies():
             rayleigh_coefficients(np.eye(2), K, (0.01, 0.01))
     with pytest.raises(BadInput, match="symmetric"):
         rayleigh_coefficients(np.eye(2), np.array([[2.0, 0.5], [-0.5, 1.0]]), (0.01, 0.01))
+
+
+# ------------------------------------------------------------------ critical speeds
+
+@pytest.fixture(scope="module")
+def kaplan():
+    return load_machine("kaplan-150rpm").model()
+
+
+def in_step(model, speed):
+    """Damped frequencies at a speed less the speed, rad/s, by the eigenvalues of M⁻¹ alone."""
+    inverse = np.linalg.inv(model.M)
+    n = len(inverse)
+    A = np.block([[np.zeros((n, n)), np.eye(n)],
+                  [-inverse @ model.K, -inverse @ model.velocity_matrix(speed)]])
+    return np.linalg.eigvals(A).imag - speed
+
+
+def test_critical_speeds_of_the_unit(kaplan):
+    """K φ = Ω² (M − iG) φ; overdamped motions of the shaft hide none, and none takes long."""
+    found = critical_speeds(kaplan)
+    squares = 1 / scipy.linalg.eigh(kaplan.M - 1j * kaplan.G, kaplan.K, eigvals_only=True)
+    undamped = np.sort(np.sqrt(squares[squares > 0])) / RPM
+    assert undamped[:3] == pytest.approx([274.0, 558.4, 839.9], abs=0.05)
+    assert found.speeds[:5] / RPM == pytest.approx(undamped[:5], rel=1e-4)
+    assert found.direction[:3] == ("backward", "forward", "backward")
+    assert found.damping_ratios.max() < 0.71
+    for speed in found.speeds[:4]:  # a damped mode turns in step there, to the damping's square
+        assert np.abs(in_step(kaplan, speed)).min() < 5e-4 * speed
+    diagram = campbell(kaplan, np.linspace(0, 1000 * RPM, 21))
+    assert diagram.critical_speeds / RPM == pytest.approx([274.0, 558.4, 839.9], abs=0.1)
+    assert diagram.critical_branches.tolist() == [0, 1, 2]
+    assert np.isfinite(diagram.eigenvalues).all()
+    assert "without the magnetic pull" in str(diagram)
+
+
+def test_the_pull_lowers_critical_speeds_and_is_said(kaplan):
+    k = kaplan.law.stiffness
+    soft = replace(kaplan, K=kaplan.K - k * kaplan.selection.T @ kaplan.selection)
+    found = critical_speeds(kaplan, pull=True, rated=150 * RPM)
+    np.testing.assert_allclose(found.speeds[:6], critical_speeds(soft).speeds[:6], rtol=1e-10)
+    assert found.of("forward")[0] / RPM == pytest.approx(373.8, abs=0.1)
+    assert found.of("backward")[0] / RPM == pytest.approx(187.3, abs=0.1)
+    assert str(found).startswith("Critical speeds of 1X, with the slope of the forces at rest")
+    assert "forward: 373.8 rpm (damping ratio 2.2 %)" in str(found)
+    assert "rated speed 150.0 rpm: the nearest is 25 % above" in str(found)
+    assert "overspeed 210.0 rpm: the nearest is 11 % below" in str(found)
+    off = critical_speeds(kaplan.with_field(0), pull=True)
+    np.testing.assert_allclose(off.speeds, critical_speeds(kaplan).speeds, rtol=1e-10)
+    orbit = HarmonicBalance().solve(kaplan, 150 * RPM, 0.08)
+    assert critical_speeds(kaplan, pull=orbit).speeds[0] < found.speeds[0]
+    own = campbell(kaplan, np.linspace(0, 500 * RPM, 11), pull=True)
+    np.testing.assert_allclose(own.critical_speeds, found.speeds[:2], rtol=1e-10)
+
+
+@pytest.mark.parametrize("ratio", [0.01, 0.1, 0.4])
+def test_damped_critical_speed_of_an_oscillator(ratio):
+    """k + iΩc − Ω²m = 0: |Ω| is √(k/m) whatever the damping, and its sine the damping ratio."""
+    omega, mass = 40.0, 3.0
+    found = critical_speeds(point_mass(mass, 2 * ratio * omega * mass, mass * omega**2))
+    np.testing.assert_allclose(found.speeds, omega, rtol=1e-10)
+    np.testing.assert_allclose(found.damping_ratios, ratio, rtol=1e-10)
+    assert len(critical_speeds(point_mass(mass, 2 * 0.8 * omega * mass, mass * omega**2))) == 0
+
+
+def test_unlike_directions_and_a_seal_are_exact():
+    """Each complex root makes K + iΩC + Ω²(iG − M) singular, for unsymmetric K as well."""
+    model = rotor(stiffness=([1.37e9, 1e9], [[1.64e9, 2e8], [-2e8, 1.2e9]]), bearing_damping=1e6)
+    found = critical_speeds(model)
+    for speed, ratio in list(zip(found.speeds, found.damping_ratios, strict=True))[:6]:
+        w = speed * (sqrt(1 - ratio**2) + 1j * ratio)
+        dynamic = model.K + 1j * w * model.C + w**2 * (1j * model.G - model.M)
+        values = np.linalg.svd(dynamic, compute_uv=False)
+        assert values[-1] < 1e-9 * values[0]
+
+
+def test_order_of_critical_speeds():
+    """2X of an oscillator is in step at half its frequency."""
+    model = point_mass(3.0, 0.0, 4800.0)
+    np.testing.assert_allclose(critical_speeds(model, order=2).speeds, 20.0, rtol=1e-12)
+
+
+def test_what_is_no_model_is_refused(kaplan):
+    machine = load_machine("kaplan-150rpm")
+    for verb in (modes, critical_speeds, lambda m: campbell(m, [0.0, 1.0])):
+        with pytest.raises(BadInput, match="must be a Model; a Machine makes one"):
+            verb(machine)
+    with pytest.raises(BadInput, match="pull=orbit"):
+        critical_speeds(load_machine("two-pole").model(), pull=True)
+    with pytest.raises(BadInput, match="move freely"):
+        critical_speeds(replace(kaplan, K=0 * kaplan.K))

@@ -22,6 +22,7 @@ from hydrolab import (
     sweep,
 )
 from hydrolab.errors import BadInput, Contact, NoConvergence
+from tests.benchmarks.verdicts import verdicts
 from tests.reference.full_balance import dynamic_matrix
 
 CLEAR = (BadInput, NoConvergence, Contact)
@@ -150,3 +151,15 @@ def test_degenerate_machines(make_random, seed, which):
             assert isinstance(error, BadInput)
     else:
         assert which not in ("no bearings", "one bearing")
+
+
+# ------------------------------------------------------------------ verdicts on all degrees of
+# freedom
+
+def test_verdicts_are_those_of_all_degrees_of_freedom():
+    """Seals, dampers, films, pads, damping from 1e-5 or none, with and without the pull."""
+    judged = list(verdicts(range(40)))
+    assert len(judged) > 30
+    assert {verdict.found.verdict for verdict in judged} >= {"stable", "unstable"}
+    assert not [v for v in judged if v.wrong or v.miscounted]
+    assert sum(v.found.verdict == "unknown" for v in judged) <= 1
