@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import scipy.linalg
@@ -36,16 +36,27 @@ OVERSPEED, RUNAWAY = 1.4, 2.5
 
 
 class LinearModel(Protocol):
-    """What this module sees of a model: M (positive definite), K and C + Ω G, each (n, n), and
+    """What this module sees of a model: M (positive definite), K and C + Ω G, each (n, n).
 
     shaft_map: from the DOFs to the (x, z, θx, θz), or (x, z), of the nodes at `depths`; (nodes · 4
     or 2, n).
     """
 
-    M: NDArray
-    K: NDArray
-    depths: NDArray
-    shaft_map: NDArray
+    @property
+    def M(self) -> NDArray:
+        """Mass matrix."""
+
+    @property
+    def K(self) -> NDArray:
+        """Stiffness matrix."""
+
+    @property
+    def depths(self) -> NDArray:
+        """y of each node, m."""
+
+    @property
+    def shaft_map(self) -> NDArray:
+        """From the DOFs to those of the nodes."""
 
     def velocity_matrix(self, speed: float) -> NDArray:
         """C + Ω G."""
@@ -184,10 +195,7 @@ def undamped_frequencies(model: LinearModel) -> NDArray:
     return np.sqrt(np.where(squares > rounding, squares, 0.0))
 
 
-Kind = TypeVar("Kind", bound=LinearModel)
-
-
-def _under(model: Kind, pull: bool | PeriodicOrbit) -> tuple[Kind, str]:
+def _under(model: Any, pull: bool | PeriodicOrbit) -> tuple[Any, str]:
     """The model with the mean slope of its force laws in K and C, and words for what was done.
 
     Raises BadInput for a force that depends on velocity, phase or speed where there is no orbit.
