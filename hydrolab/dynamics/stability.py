@@ -28,7 +28,7 @@ from itertools import pairwise
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import brentq, linear_sum_assignment
 
 from hydrolab.dynamics.batch import Outcome, newton_batch, stack
 from hydrolab.dynamics.branches import orbits_at
@@ -47,6 +47,7 @@ from hydrolab.dynamics.winding import (
     newton_step,
     pull_alone,
     roots,
+    twins,
 )
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.pull import CircularPull
@@ -321,7 +322,8 @@ def _believed(d: Disturbance, found: NDArray, known: NDArray) -> list[NDArray]:
     poles, (slope, damping) = d.linear.poles, d.mean()
     distance = np.abs(poles[:, None] - known[0]) / np.abs(poles)[:, None]
     missing = np.exp(poles.real * 2 * np.pi / d.step) > FADED
-    missing[distance.argmin(axis=0)[distance.min(axis=0) < SEEN]] = False
+    rows, columns = linear_sum_assignment(distance)  # each pole once: it may be there twice
+    missing[rows[distance[rows, columns] < SEEN]] = False
     moved = poles + np.einsum("jab,pba->pj", d.linear.residues, slope)
     if damping is not None:
         moved += poles * np.einsum("jab,pba->pj", d.linear.residues, damping)
@@ -344,10 +346,13 @@ def _look(eq: Condensed, local: NDArray, centres: NDArray, start: Sequence[NDArr
     (few, sure, growth), (many, also, _) = count(coarse, believed), count(sharp, believed)
     period, exponents = 2 * np.pi / sharp.step, roots(sharp, _leading(groups, sharp.step))
     values, moves = np.exp(period * exponents), np.full(exponents.shape, np.nan)
-    there = np.isfinite(exponents)
-    step = newton_step(coarse, exponents, there)[0]
+    first = twins(exponents, sharp.step)
+    alone = np.where(first == np.arange(first.shape[1]), exponents, np.nan)
+    there = np.isfinite(alone)
+    step = newton_step(coarse, alone, there)[0]
     with np.errstate(over="ignore", invalid="ignore"):  # a step as wild as that says nothing
         moves[there] = np.abs(values[there] * np.expm1(period * step))
+    moves = np.take_along_axis(moves, first, axis=1)
     certain = sure & also & found & more & (few == many)
     return [_judged(v, e, int(n), bool(c), growth)
             for v, e, n, c in zip(values, moves, many, certain, strict=True)]

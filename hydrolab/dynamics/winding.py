@@ -36,6 +36,7 @@ INTERVALS = 16  # on half a period, before any are halved
 HALVINGS = 40
 MOVED = 0.05  # of its distance from the axis: a pole that the forces move less cannot cross it
 FAR = 1e12  # in half periods: where every force has ended
+TWIN = 1e-7  # relative: multipliers nearer to each other are one, twice
 STEPS = 12  # of Newton's method
 CHUNK = 256  # determinants at once
 EPS = float(np.finfo(float).eps)
@@ -450,11 +451,13 @@ def count(d: Disturbance, believed: NDArray) -> tuple[NDArray, NDArray, float]:
     return np.where(sure, whole, 0).astype(int), sure, sigma
 
 
-def newton_step(d: Disturbance, exponents: NDArray, going: NDArray) -> tuple[NDArray, NDArray]:
+def newton_step(d: Disturbance, exponents: NDArray, going: NDArray,
+                times: NDArray | float = 1.0) -> tuple[NDArray, NDArray]:
     """The step from each exponent to a zero of f that no other column is at (Aberth 1973), and the
     mean harmonic of its motion; both for those `going`, in their order.
 
-    exponents: λ, 1/s, (P, m), nan where there is none. going: (P, m). f is Π (1 − µ/z)/Π (1 − p/z)
+    exponents: λ, 1/s, (P, m), nan where there is none. going: (P, m).
+    times: how often each zero is one. f is Π (1 − µ/z)/Π (1 − p/z)
     with z = e^{λt} over a period and p of the linear machine, so its poles can be multiplied away.
     """
     period, poles = 2 * np.pi / d.step, d.linear.poles
@@ -489,12 +492,23 @@ def newton_step(d: Disturbance, exponents: NDArray, going: NDArray) -> tuple[NDA
         # but itself, and its own conjugate, which it may be
         others[np.arange(len(s)), column] = others[np.arange(len(s)), column - m] = 0
         pulled = drawn(poles).sum(axis=1) - np.nansum(others, axis=1)
-        return aside - 1 / (tangent + pulled), mean
+        return aside - times / (tangent + pulled), mean
 
 
 def real(exponents: NDArray, step: float) -> NDArray:
     """Whether the multipliers are real, to rounding; false for nan."""
     return np.abs(np.sin(2 * np.pi / step * exponents.imag)) < 1e-6
+
+
+def twins(exponents: NDArray, step: float) -> NDArray:
+    """Of each column the first that has the same multiplier to rounding, itself if there is none.
+
+    exponents: λ, 1/s, (P, m). step: ν, rad/s. Such a multiplier is sought once, with its
+    multiplicity: an isotropic machine has each of its twice.
+    """
+    values = np.exp(2 * np.pi / step * exponents)
+    same = np.abs(values[:, :, None] - values[:, None]) <= TWIN * np.abs(values)[:, :, None]
+    return (same | np.eye(exponents.shape[1], dtype=bool)).argmax(axis=2)
 
 
 def roots(d: Disturbance, starts: NDArray) -> NDArray:
@@ -513,14 +527,17 @@ def roots(d: Disturbance, starts: NDArray) -> NDArray:
 
 def _settled(d: Disturbance, starts: NDArray, going: NDArray) -> NDArray:
     """`starts` with those `going` moved to zeros of f, nan where they find none."""
-    found, going = starts.copy(), going.copy()
+    first = twins(starts, d.step)
+    alone = first == np.arange(starts.shape[1])
+    times = (first[:, :, None] == np.arange(starts.shape[1])).sum(axis=1)
+    found, going = np.where(alone, starts, np.nan), going & alone
     for _ in range(STEPS):
         if not going.any():
             break
-        step, mean = newton_step(d, found, going)
+        step, mean = newton_step(d, found, going, times[going])
         step *= np.minimum(1, 0.3 * d.step / np.abs(step))
         shift = np.rint(mean)
         found[going] += step + 1j * d.step * shift
         going[going] = (np.abs(step) > 1e-5 * d.step) | (shift != 0)
     found[going] = np.nan
-    return found
+    return np.take_along_axis(found, first, axis=1)

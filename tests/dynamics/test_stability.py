@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from hydrolab import HarmonicBalance, RungeKutta, floquet, follow, integrate, reduce
+from hydrolab import (
+    HarmonicBalance,
+    RungeKutta,
+    floquet,
+    follow,
+    integrate,
+    load_machine,
+    reduce,
+    rpm,
+)
 from hydrolab.dynamics.branches import Arclength
 from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput
@@ -293,3 +302,15 @@ def test_it_prints_its_verdict(peer, speed):
 def test_steps_are_checked(peer, speed):
     with pytest.raises(BadInput, match="at least 8"):
         floquet(HarmonicBalance().solve(peer, speed), steps=4)
+
+
+def test_a_machine_with_every_multiplier_twice_keeps_them_all():
+    """Without field a disc on two equal springs is one damped oscillator, twice (by hand)."""
+    model, speed = load_machine("jeffcott").model(), rpm(150)
+    orbit = HarmonicBalance(harmonics=4).solve(model.with_field(0.0), speed)
+    decay, square = model.C[0, 0] / (2 * model.M[0, 0]), model.K[0, 0] / model.M[0, 0]
+    swing = np.sqrt(square - decay**2)
+    by_hand = np.exp((-decay + 1j * swing) * 2 * np.pi / speed)
+    found = floquet(orbit).multipliers
+    assert len(found) == 4
+    assert np.abs(found - np.where(found.imag > 0, by_hand, by_hand.conj())).max() < 1e-9
