@@ -11,7 +11,6 @@ from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.integrate import CentralDifference, integrate
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
-from hydrolab.explorers.eccentricity import FEW
 from hydrolab.explorers.legs import STEP, Diagram, legs_of
 from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, slider
 from hydrolab.figures.drawing import MM, REVOLUTION, contact_line, draw_axis
@@ -179,4 +178,4 @@ def past_fold_explorer(machine: Machine | None = None, eccentricity: float = 8.5
     view = PastFoldView(machine or load_machine("kaplan-150rpm"))
     where = slider("static eccentricity, %", eccentricity, 0.0, round(104 * view.legs.reach, 1),
                    STEP, 2)
-    return FigureExplorer(view, {"eccentricity": where}, frames=FEW)
+    return FigureExplorer(view, {"eccentricity": where}, frames=3)

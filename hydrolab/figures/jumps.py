@@ -54,7 +54,7 @@ def hysteresis_picture(branch: Branch, stability: Sequence[Floquet],
         along = ", ".join(passage.parameter for passage in passages.values())
         raise BadInput(f"passages has {len(passages)}, along {along}; at most {len(PASSAGES)} are "
                        f"drawn, and the branch runs along {branch.parameter}.")
-    figure = new_figure(11, 6)
+    figure = new_figure(10, 5.6)
     axes = figure.subplots()
     scale, label = parameter_axis(branch)
     # x at Ωt = 0 is the mean and the cosine coefficients.
@@ -121,11 +121,11 @@ def integrity_picture(branch: Branch, found: Integrity,
     """The x amplitude of 1X along a branch, and under it how the safe part of the basin shrinks on
     its first leg.
     """
-    figure = new_figure(9.5, 8)
+    figure = new_figure(8.4, 5.6)
     upper, lower = figure.subplots(2, 1, sharex=True)
     draw_branch(upper, branch, lambda c: np.hypot(c[..., 0, 1], c[..., 0, 2]), stability)
-    upper.set(ylabel="1X of x, µm, 0-to-peak", title="Steady states")
-    upper.legend(loc="upper right")
+    upper.set(ylabel="1X of x, µm", title="Steady states, 0-to-peak")
+    upper.legend(loc="upper left")
     values = 100 * found.values
     for share, colour, style, label in ((found.safe, BLUE, "-", "do not touch"),
                                         (found.returning, ORANGE, "--", "come back to the orbit")):
@@ -133,8 +133,8 @@ def integrity_picture(branch: Branch, found: Integrity,
     if np.isfinite(found.fold):
         lower.axvline(100 * found.fold, color=COLOURS["fold"], linewidth=1.2, label="fold")
     lower.set(xlabel="static eccentricity, % of the gap", ylim=(0, None),
-              ylabel=f"safe pushes, % of those at {percent(found.values[0])}",
-              title="How much push the first leg stands")
+              ylabel="safe pushes, %",
+              title=f"How much push the first leg stands, {percent(found.values[0])} is 100")
     lower.legend(loc="lower left")
     return Picture(figure, str(found))
 
