@@ -67,7 +67,8 @@ def spelled(command: str, more: list[str]) -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    return os.environ | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "200"}
+    own = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_XDIST")}
+    return own | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "200"}
 
 
 def test_no_command_is_forgotten():

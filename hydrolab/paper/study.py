@@ -217,7 +217,7 @@ def stable_steps(model: Model, speed: float) -> int:
 
     Raises BadInput where that takes more than MOST_STEPS.
     """
-    small, steps = reduce(model), STEPS
+    small, steps = reduce(model, speed=speed), STEPS
     fastest = math.sqrt(np.abs(np.linalg.eigvals(np.linalg.solve(small.M, small.K))).max())
     while fastest * 2 * math.pi / speed / steps > 2:
         steps *= 2

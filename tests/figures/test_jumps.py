@@ -32,7 +32,7 @@ def test_integrity_under_the_branch(branch):
     assert picture.reading == str(found)
     assert lower.lines[0].get_ydata() == pytest.approx(100 * found.safe)
     assert lower.lines[0].get_xdata() == pytest.approx([0.0, 5.0, 8.5])
-    assert lower.get_ylabel() == "safe pushes, % of those at 0 %"
+    assert lower.get_ylabel() == "safe pushes, %"
     assert "amplitude" not in upper.get_ylabel() and "0-to-peak" in upper.get_ylabel()
 
 
