@@ -124,7 +124,7 @@ def integrity_picture(branch: Branch, found: Integrity,
     figure = new_figure(8.4, 5.6)
     upper, lower = figure.subplots(2, 1, sharex=True)
     draw_branch(upper, branch, lambda c: np.hypot(c[..., 0, 1], c[..., 0, 2]), stability)
-    upper.set(ylabel="1X of x, µm", title="Steady states, 0-to-peak")
+    upper.set(ylabel="1X, µm 0-to-peak", title="Steady states: 1X of x")
     upper.legend(loc="upper left")
     values = 100 * found.values
     for share, colour, style, label in ((found.safe, BLUE, "-", "do not touch"),
