@@ -35,8 +35,8 @@ scene = next(stop.__self__ for stop in server._open.stops
              if hasattr(stop, '__self__') and hasattr(stop.__self__, 'shown'))
 scene.stop()
 scene.draw(1.0)
-found = positions(scene.where, scene.where.motion(1.0), scene.factor)
-print(json.dumps(found[:scene.where.nodes].tolist()))
+found = positions(scene.drawn, scene.drawn.motion(1.0), scene.settings.exaggeration)
+print(json.dumps(found[:scene.drawn.nodes].tolist()))
 """
 
 pytestmark = pytest.mark.browser
