@@ -310,9 +310,9 @@ class Arclength:
     """How a branch is followed: harmonic balance, step sizes (scaled by the gap), and when to stop.
 
     step, max_step: first and longest step. max_turn: of the tangent in a step, rad. max_points: in
-    all. max_folds: stop after this many folds and a tail of `tail` points. smallest_gap: stop when
-    less than this fraction of the nominal gap is left. past_start: go on past the start value, to
-    find a branch that closes.
+    all. max_folds: stop after this many folds and a tail of `tail` points; there may be more orbits
+    beyond. smallest_gap: stop when less than this fraction of the nominal gap is left. past_start:
+    go on past the start value, to find a branch that closes.
     """
 
     balance: HarmonicBalance = field(default_factory=HarmonicBalance)
@@ -320,7 +320,7 @@ class Arclength:
     max_step: float = 0.02
     max_turn: float = 0.15
     max_points: int = 1000
-    max_folds: int = 3
+    max_folds: int = 50
     tail: int = 10
     smallest_gap: float = 0.0
     past_start: bool = False
@@ -423,7 +423,7 @@ def walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength,
         closed = len(steps) > 3 and _comes_back(steps)
         stopped = _reason(along, steps, to, method, closed, reached)
         if not stopped and past > method.tail:
-            stopped = f"It passed {len(folds)} folds, as many as were asked for."
+            stopped = f"It passed {len(folds)} folds, as many as were asked for; it goes on."
         if stopped:
             break
     if not steps:

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from hydrolab.dynamics.branches import follow, orbits_at
+from hydrolab.dynamics.branches import Arclength, follow, orbits_at
 from hydrolab.dynamics.results import Branch, PeriodicOrbit
 from hydrolab.dynamics.stability import Floquet, branch_stability
 from hydrolab.errors import BadInput
@@ -152,7 +152,9 @@ def legs_of(machine: Machine) -> Legs:
     if not machine.speed > 0:
         raise BadInput("speed is 0 rad/s; an explorer of steady states needs a turning rotor.")
     with threadpool_limits(1):
-        branch = follow(machine.model(), speed=machine.speed, to=0.5)
+        # three legs: what comes after the third fold is never stable, and a slider has little time
+        branch = follow(machine.model(), speed=machine.speed, to=0.5,
+                        method=Arclength(max_folds=3))
         return Legs(branch, branch_stability(branch, locate=False).points)
 
 

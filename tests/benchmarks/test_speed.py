@@ -23,6 +23,7 @@ import pytest
 from scipy.optimize import root
 
 from hydrolab import (
+    Arclength,
     CentralDifference,
     HarmonicBalance,
     Newmark,
@@ -50,6 +51,7 @@ from tests.reference.full_balance import dynamic_matrix, solve_full
 ROWS = np.arange(0, 0.089, 0.001)
 MATRIX = np.eye(18) * 5 + 0.1 * np.sin(np.arange(324.0)).reshape(18, 18)
 PATH = 0.1 * np.sin(np.arange(128.0)).reshape(2, 64)
+THREE = Arclength(max_folds=3)
 ELEMENTS = (3, 12, 48)
 
 
@@ -166,8 +168,8 @@ def test_arclength_point(run, make_kaplan, speed, elements):
 
 def test_whole_branch(run, shipped):
     model = shipped.model()
-    branch = run(lambda: follow(model, speed=shipped.speed), "branch to the third fold, 86 points",
-                 target=40e-3)
+    branch = run(lambda: follow(model, speed=shipped.speed, method=THREE),
+                 "branch to the third fold, 86 points", target=40e-3)
     assert len(branch) >= 80
     assert len(branch.folds) == 3
 
@@ -175,14 +177,15 @@ def test_whole_branch(run, shipped):
 def test_branch_with_stability(run, shipped):
     """Every point counted on the whole machine, at two truncations and on two orbits."""
     model = shipped.model()
-    found = run(lambda: branch_stability(follow(model, speed=shipped.speed), locate=False),
+    found = run(lambda: branch_stability(follow(model, speed=shipped.speed, method=THREE),
+                                         locate=False),
                 "branch with counted stability of each point", target=400e-3)
     assert "unknown" not in found.verdicts
 
 
 def test_branch_with_crossings(run, shipped):
     model = shipped.model()
-    branch = follow(model, speed=shipped.speed)
+    branch = follow(model, speed=shipped.speed, method=THREE)
     found = run(lambda: branch_stability(branch), "counted stability, five crossings located",
                 rounds=5)
     assert len(found.crossings) == 5
@@ -193,7 +196,7 @@ def test_slider(run, shipped, key):
     """A new value each time, so that nothing is kept: machine, matrices, elimination, branch, folds
     and stability.
     """
-    branch = follow(shipped.model(), speed=shipped.speed)
+    branch = follow(shipped.model(), speed=shipped.speed, method=THREE)
     own = shipped.air_gap.field if key == "field" else shipped.bodies[0].mass
     values = own * (1 + 0.004 * np.sin(np.arange(1000)))
     one = itertools.count()

@@ -34,7 +34,7 @@ def shipped():
 
 @pytest.fixture(scope="module")
 def branch(shipped, speed):
-    return follow(shipped, speed=speed, method=Arclength(HarmonicBalance(8)))
+    return follow(shipped, speed=speed, method=Arclength(HarmonicBalance(8), max_folds=3))
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +186,7 @@ def test_plus_one_on_the_folds(shipped, speed, number):
     """µ = +1 to 1e-6, on orbits of 16 harmonics. Without the gyroscopic deflections 12 modes miss
     it by 6e-6.
     """
-    fine = follow(shipped, speed=speed, method=Arclength(HarmonicBalance(16), tail=0))
+    fine = follow(shipped, speed=speed, method=Arclength(HarmonicBalance(16), max_folds=3, tail=0))
     orbit = fine.at_fold(number)
     values, _ = multipliers(split(shipped, speed, 12), orbit.coefficients[None],
                             orbit.centre[None], 256)
@@ -195,7 +195,7 @@ def test_plus_one_on_the_folds(shipped, speed, number):
 
 
 def test_folds_do_not_move_with_the_harmonics(shipped, speed, branch):
-    finer = follow(shipped, speed=speed, method=Arclength(HarmonicBalance(16), tail=0))
+    finer = follow(shipped, speed=speed, method=Arclength(HarmonicBalance(16), max_folds=3, tail=0))
     for a, b in zip(branch.folds, finer.folds, strict=True):
         assert a.value == pytest.approx(b.value, abs=1e-6)
 
@@ -222,7 +222,7 @@ def test_crossings_do_not_move(shipped, speed, judged):
     """Located to 1e-6 of the gap: with twice the harmonics, 12 modes and eight times the steps they
     stay.
     """
-    finer = follow(shipped, speed=speed, method=Arclength(HarmonicBalance(16), tail=3))
+    finer = follow(shipped, speed=speed, method=Arclength(HarmonicBalance(16), max_folds=3, tail=3))
     again = branch_stability(finer, modes=12, steps=256, quick=True)
     assert [c.value for c in judged.crossings] == pytest.approx([c.value for c in again.crossings],
                                                                 abs=1e-7)
@@ -302,7 +302,7 @@ def test_a_hundred_verdicts_in_time(request, speed, which):
     """
     model = request.getfixturevalue(which)
     branch = follow(model, speed=speed, to=0.3,
-                    method=Arclength(HarmonicBalance(8), max_step=0.005, tail=0))
+                    method=Arclength(HarmonicBalance(8), max_step=0.005, max_folds=3, tail=0))
     rows = np.sort(np.random.default_rng(3).choice(len(branch), 100, replace=False))
     orbits = [branch[i] for i in rows]
     verdicts = floquet_all(orbits)
@@ -328,7 +328,7 @@ def test_coarse_orbits_are_never_wrongly_stable(shipped, speed):
     """Two harmonics, one mode, eight steps: it may look again or say unknown, but a "stable" must
     be one.
     """
-    coarse = follow(shipped, speed=speed, method=Arclength(HarmonicBalance(2), tail=4))
+    coarse = follow(shipped, speed=speed, method=Arclength(HarmonicBalance(2), max_folds=3, tail=4))
     orbits = [coarse[i] for i in range(0, len(coarse), 4)]
     wrong_alone = 0
     for orbit, found in zip(orbits, floquet_all(orbits, modes=1, steps=8), strict=True):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from hydrolab import (
+    Arclength,
     HarmonicBalance,
     RungeKutta,
     basins,
@@ -30,7 +31,7 @@ def shipped():
 
 @pytest.fixture(scope="module")
 def branch(shipped, speed):
-    return follow(shipped, speed=speed)
+    return follow(shipped, speed=speed, method=Arclength(max_folds=3))
 
 
 def place(system, states):

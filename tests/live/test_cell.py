@@ -4,7 +4,7 @@ every time.
 
 import pytest
 
-from hydrolab import HarmonicBalance, follow, load_machine, orbits_at
+from hydrolab import Arclength, HarmonicBalance, follow, load_machine, orbits_at
 from hydrolab.errors import BadInput
 from hydrolab.figures.readings import reading
 from hydrolab.live.cell import show
@@ -18,7 +18,7 @@ def unit():
 
 @pytest.fixture(scope="module")
 def branch(unit):
-    return follow(unit.model(), "static_eccentricity", to=0.12, speed=unit.speed)
+    return follow(unit.model(), to=0.12, speed=unit.speed, method=Arclength(max_folds=3))
 
 
 @pytest.fixture(autouse=True)

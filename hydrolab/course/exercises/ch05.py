@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from hydrolab import floquet, follow, load_machine, rpm
+from hydrolab import Arclength, floquet, follow, load_machine, rpm
 from hydrolab.course.answers import Exercise, Mistake
 from hydrolab.dynamics.branches import arclength, locate_fold
 from hydrolab.dynamics.ensemble import split
@@ -44,7 +44,8 @@ def fold_of_ellipse() -> float:
 @cache
 def branch() -> Branch:
     """The branch at the top of the chapter."""
-    return follow(model(), "static_eccentricity", to=0.2, speed=rpm(150))
+    return follow(model(), "static_eccentricity", to=0.2, speed=rpm(150),
+                  method=Arclength(max_folds=3))
 
 
 def fold_with_field(ratio: float) -> float:
