@@ -72,7 +72,7 @@ def read(app, docname, source):
         names = [scene_name(*scene) for scene in SCENES.get(int(docname[:2]), ())]
         if names and app.config.scenes:
             source[0] = with_scenes(source[0], {
-                f"_static/scenes/{name}.html": Path(app.config.scenes,
+                f"_static/scenes/player.html#{name}": Path(app.config.scenes,
                                                     f"{name}.txt").read_text(encoding="utf-8")
                 for name in names})
 

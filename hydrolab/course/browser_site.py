@@ -84,8 +84,8 @@ def build_site(course: Path, out: Path, pyodide: Path | None = None) -> str:
     if missing:
         raise BadInput(f"The live course needs {', '.join(missing)}; install hydrolab with its "
                        'extra: pip install -e ".[live]"')
-    if out.exists() and (not out.is_dir()
-                         or (any(out.iterdir()) and not (out / "jupyter-lite.json").is_file())):
+    ours = (out / "jupyter-lite.json").is_file()
+    if out.exists() and not ours and (not out.is_dir() or any(out.iterdir())):
         raise BadInput(f"--out is {out}, which holds something else than an earlier build; name "
                        "an empty folder.")
     with tempfile.TemporaryDirectory(prefix="hydrolab-live-") as name:
@@ -95,8 +95,8 @@ def build_site(course: Path, out: Path, pyodide: Path | None = None) -> str:
         shutil.copytree(CARDS, course / "cards", dirs_exist_ok=True)
         (work / "overrides.json").write_text(json.dumps(SETTINGS), encoding="utf-8")
         _jupyterlite(work, course, made)
-        record_scenes(made / "scenes")
-        _distribution(core, made / "pyodide", public=pyodide is None)
+        scenes = json.dumps(record_scenes(made / "scenes"))
+        _distribution(core, made / "pyodide", scenes, public=pyodide is None)
         _configure(made, min(path.name for path in course.glob("*.ipynb")), public=pyodide is None)
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(made, out)
@@ -166,15 +166,20 @@ def _jupyterlite(work: Path, contents: Path, made: Path) -> None:
         raise BadInput(f"The live course was not built:\n{(done.stdout + done.stderr)[-3000:]}")
 
 
-def _distribution(core: Path, target: Path, *, public: bool) -> None:
-    """Write the distribution that the kernel starts from: core, packages, and their lock file."""
+def _distribution(core: Path, target: Path, scenes: str, *, public: bool) -> None:
+    """Write the distribution that the kernel starts from: core, packages, and their lock file.
+
+    scenes: what is recorded, as JSON.
+    """
     target.mkdir()
     for name in CORE:
         shutil.copyfile(core / name, target / name)
     lock = json.loads((core / "pyodide-lock.json").read_text(encoding="utf-8"))
     packages: dict[str, dict[str, Any]] = lock["packages"]
-    fonts = core / packages["matplotlib"]["file_name"]
-    for name, wheel, needs, imports in _own_wheels(target, fonts):
+    more = {"hydrolab/live/recorded.json": scenes}
+    if (wheel := core / packages["matplotlib"]["file_name"]).is_file():
+        more["matplotlib/fontlist.json"] = _font_list(wheel)
+    for name, wheel, needs, imports in _own_wheels(target, more):
         packages[name] = _entry(name, wheel, needs, imports, target)
     kept = dict(sorted((name, packages[name]) for name in _closure(packages, (*KERNEL, *COURSE))))
     for name, entry in kept.items():
@@ -217,7 +222,7 @@ def _entry(name: str, wheel: Path, needs: Iterable[str], imports: Iterable[str],
             "version": wheel.name.split("-")[1]}
 
 
-def _own_wheels(target: Path, fonts: Path) -> Iterator[Packed]:
+def _own_wheels(target: Path, more: Mapping[str, str]) -> Iterator[Packed]:
     """Name, wheel, needs and imports of each package that Pyodide does not bring."""
     kernel = target.parent / "extensions" / "@jupyterlite" / "pyodide-kernel-extension"
     for name, needs in (("piplite", ("micropip",)), ("pyodide-kernel", ("ipykernel", "ipython")),
@@ -227,7 +232,7 @@ def _own_wheels(target: Path, fonts: Path) -> Iterator[Packed]:
         yield name, wheel, needs, IMPORTS.get(name, (name,))
     for name, needs in PURE.items():
         yield name, _wheel_of(name, target), needs, IMPORTS.get(name, (name,))
-    yield "hydrolab", _wheel_of_hydrolab(target, fonts), NEEDS, ("hydrolab",)
+    yield "hydrolab", _wheel_of_hydrolab(target, more), NEEDS, ("hydrolab",)
 
 
 def _wheel_of(name: str, target: Path) -> Path:
@@ -244,8 +249,8 @@ def _wheel_of(name: str, target: Path) -> Path:
     return wheel
 
 
-def _wheel_of_hydrolab(target: Path, matplotlib: Path) -> Path:
-    """A wheel of the hydrolab that runs this, as it stands."""
+def _wheel_of_hydrolab(target: Path, more: Mapping[str, str]) -> Path:
+    """A wheel of the hydrolab that runs this, as it stands, and more files by where they go."""
     package = Path(__file__).resolve().parents[1]
     wheel = target / f"hydrolab-{__version__}-py3-none-any.whl"
     info = f"hydrolab-{__version__}.dist-info"
@@ -259,8 +264,8 @@ def _wheel_of_hydrolab(target: Path, matplotlib: Path) -> Path:
         archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: hydrolab\n"
                          "Root-Is-Purelib: true\nTag: py3-none-any\n")
         archive.writestr(f"{info}/RECORD", "")
-        if matplotlib.is_file():
-            archive.writestr("matplotlib/fontlist.json", _font_list(matplotlib))
+        for place, text in more.items():
+            archive.writestr(place, text)
     return wheel
 
 
@@ -319,7 +324,7 @@ class Handler(http.server.SimpleHTTPRequestHandler):
 
 
 def serve_site(folder: Path, port: int = 0) -> http.server.ThreadingHTTPServer:
-    """A server of a built site, a folder, on this computer alone, not yet running; port 0 takes a
+    """A server of the site in a folder, on this computer alone and not yet running; port 0 takes a
     free one.
     """
     return http.server.ThreadingHTTPServer(("127.0.0.1", port),
@@ -327,7 +332,7 @@ def serve_site(folder: Path, port: int = 0) -> http.server.ThreadingHTTPServer:
 
 
 def serve(folder: Path, *, browser: bool) -> None:
-    """Serve a built site, a folder, on this computer until Ctrl-C; browser: open it there.
+    """Serve the site in a folder on this computer until Ctrl-C; open it in the browser if asked.
 
     At the same port each time if it is free: a browser keeps what is typed by address and port.
     """

@@ -12,13 +12,17 @@ import sys
 import tarfile
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from hydrolab.course.pages import SCENES, scene_name
 from hydrolab.errors import BadInput
-from hydrolab.live.recording import record_machine
+from hydrolab.explorers.legs import legs_of
+from hydrolab.live.recording import player_and_scene, record_machine
 from hydrolab.machine import load_machine
 
 MATHJAX = ("mathjax@3.2.2", "package/es5/tex-svg.js")  # one file of 2 MB that needs no other
+PLAYS = ("<head><script>document.write(`<script src="
+         "\"${location.hash.slice(1).replace(/[^0-9.-]/g, '')}.js\"><\\/script>`)</script>")
 NEEDED = ("sphinx", "myst_nb", "sphinx_book_theme")
 
 
@@ -54,16 +58,27 @@ def build(book: Path, out: Path, *, instructor: bool = False) -> str:
         "reaches no registry. Install npm and build again.")
 
 
-def record_scenes(folder: Path) -> None:
-    """Record each 3D scene of the chapters into a folder as one HTML file, with its reading as text
-    beside it.
+def record_scenes(folder: Path) -> list[dict[str, Any]]:
+    """Record each 3D scene of the chapters into a folder, with its reading as text beside it, for
+    one player: `player.html#NAME` plays the scene of that name. Return what each shows.
     """
-    machine = load_machine("kaplan-150rpm")
+    machine, shown = load_machine("kaplan-150rpm"), []
+    legs = legs_of(machine)
     folder.mkdir()
     for eccentricity, leg in sorted(set().union(*SCENES.values())):
-        name = folder / f"{scene_name(eccentricity, leg)}.html"
-        reading = record_machine(machine, name, eccentricity, leg, turns=1)
-        name.with_suffix(".txt").write_text(reading, encoding="utf-8")
+        name = scene_name(eccentricity, leg)
+        with tempfile.TemporaryDirectory() as work:
+            page = Path(work, "scene.html")
+            words = record_machine(machine, page, eccentricity, leg, turns=1)
+            player, scene = player_and_scene(page.read_text(encoding="utf-8"))
+        data = f'window.__VISER_EMBED_DATA__="{scene}";window.__VISER_EMBED_CONFIG__={{}};'
+        (folder / f"{name}.js").write_text(data, encoding="utf-8")
+        (folder / f"{name}.txt").write_text(words, encoding="utf-8")
+        (folder / "player.html").write_text(player.replace("<head>", PLAYS, 1), encoding="utf-8")
+        mean = legs.orbit(eccentricity, leg).mean / machine.air_gap.gap
+        shown.append({"name": name, "machine": machine.name, "reading": words,
+                      "static_eccentricity": eccentricity, "mean": mean.tolist()})
+    return shown
 
 
 def fetch_mathjax(folder: Path) -> Path | None:

@@ -15,7 +15,7 @@ from hydrolab.dynamics.equilibrium import equilibrium, largest_offset
 from hydrolab.dynamics.escape import arrivals, integrity
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance, first_guess
 from hydrolab.dynamics.harmonics import ellipse, fit, fourier_rows, rates, synthesise
-from hydrolab.dynamics.maps import steady_map, steady_row
+from hydrolab.dynamics.maps import processes, steady_map, steady_row
 from hydrolab.dynamics.modes import undamped_frequencies
 from hydrolab.dynamics.results import Branch, PeriodicOrbit
 from hydrolab.dynamics.slow_change import drift, poincare, sweep_in_time
@@ -32,7 +32,7 @@ __all__ = [
     "Arclength", "Branch", "HarmonicBalance", "PeriodicOrbit", "SteadyStates", "arclength",
     "arrivals", "basins", "branch_off", "branch_stability", "drift", "ellipse", "equilibrium",
     "first_guess", "fit", "floquet", "floquet_all", "follow", "fourier_rows", "integrity",
-    "largest_offset", "locate_fold", "orbits_at", "poincare", "rates", "split", "stable_orbits_at",
-    "steady_map", "steady_row", "strang_product", "sweep", "sweep_in_time", "synthesise",
-    "undamped_frequencies",
+    "largest_offset", "locate_fold", "orbits_at", "poincare", "processes", "rates", "split",
+    "stable_orbits_at", "steady_map", "steady_row", "strang_product", "sweep", "sweep_in_time",
+    "synthesise", "undamped_frequencies",
 ]

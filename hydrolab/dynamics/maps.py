@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import math
 import pickle
+import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future, as_completed
@@ -45,6 +46,25 @@ READINGS = {
 }
 Progress = Callable[[int, int], None]
 Row = dict[str, NDArray]
+
+
+class InTurn(Executor):
+    """Does each piece of work when it is given: an executor for a browser's Python."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future:
+        """The work, done; what it raises is raised here."""
+        done: Future = Future()
+        done.set_result(fn(*args, **kwargs))
+        return done
+
+
+def processes(count: int) -> Executor:
+    """An executor of so many processes, or in turn where there are none."""
+    if sys.platform == "emscripten":
+        return InTurn()
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+    return ProcessPoolExecutor(count, mp_context=get_context("spawn"))
 
 
 def steady_row(machine: Machine, eccentricities: NDArray, harmonics: int = 4) -> Row:

@@ -5,6 +5,11 @@
 plays a lecture, `recording` writes a file that plays alone; `command` and `cell` start it.
 """
 
-from hydrolab.live.cell import show
+import sys
+
+if sys.platform == "emscripten":  # a browser's Python runs no server
+    from hydrolab.live.recorded import show
+else:
+    from hydrolab.live.cell import show
 
 __all__ = ["show"]

@@ -100,6 +100,17 @@ def check_steady_state(scene: MachineScene, static_eccentricity: float, leg: int
                        f"exists from {percent(legs[leg].low, 4)} to {percent(legs[leg].high, 4)}.")
 
 
+def player_and_scene(recording: str) -> tuple[str, str]:
+    """A recorded scene (viser's HTML) as a page that plays nothing yet, and what it plays, base64.
+
+    Raises BadInput where a recording is of another form.
+    """
+    found = DATA.search(recording)
+    if found is None:
+        raise BadInput("A recording is not of the form that viser 1.1 writes.")
+    return recording[:found.start()] + recording[found.end():], found[1]
+
+
 def sheet_page(sheet: RunSheet, recordings: Sequence[str]) -> str:
     """The page of a run sheet from one recorded scene (viser's HTML) for each step; the player is
     in it once.
@@ -111,12 +122,9 @@ def sheet_page(sheet: RunSheet, recordings: Sequence[str]) -> str:
                        "each.")
     player, steps = "", []
     for step, recording in zip(sheet.steps, recordings, strict=True):
-        found = DATA.search(recording)
-        if found is None:
-            raise BadInput("A recording is not of the form that viser 1.1 writes.")
-        player = recording[:found.start()] + recording[found.end():]
+        player, scene = player_and_scene(recording)
         steps.append({word: getattr(step, word) for word in ("title", "cue", "see", "ask")}
-                     | {"scene": found[1], "dark": bool(step.state.get("dark", False))})
+                     | {"scene": scene, "dark": bool(step.state.get("dark", False))})
     data = json.dumps({"player": base64.b64encode(player.encode()).decode(),
                        "steps": steps}).replace("</", "<\\/")
     filled = {"%TITLE%": html.escape(sheet.title), "%DATA%": data}

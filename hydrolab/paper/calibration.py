@@ -24,8 +24,6 @@ import math
 import os
 import signal
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -359,6 +357,10 @@ def judge_family(members: Iterable[Member], progress: Callable[[int, int], None]
     process uses one BLAS thread, and ends at once at a Ctrl-C in the terminal, which all processes
     get.
     """
+    # here, because a browser's Python has no processes
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+    from concurrent.futures.process import BrokenProcessPool
+
     members = list(members)
     done: dict[int, Verdicts] = {}
     with ProcessPoolExecutor(workers or os.cpu_count(), initializer=signal.signal,

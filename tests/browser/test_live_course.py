@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from hydrolab.cli import course_files, find_book
+from hydrolab.cli import find_book, prepare_folder
 from hydrolab.course import refresh as notebooks
 from tests.browser.conftest import FLAGS, KERNEL, Visit, is_local
 from tests.chromium import BROWSER, keep
@@ -30,14 +30,16 @@ def site(tmp_path_factory):
     """The built site, and its address."""
     if BROWSER is None:
         missing("no Chromium or Chrome on this computer")
-    book, out = find_book(), tmp_path_factory.mktemp("live") / "site"
-    files = {path.as_posix(): (book / path).read_bytes() for path in course_files(book)}
-    said = build_site(files, out, distribution())
+    folder = tmp_path_factory.mktemp("live")
+    course, out = folder / "course", folder / "site"
+    prepare_folder(course)
+    said = build_site(course, out, distribution())
     assert "no page asks another computer" in said
     server = serve_site(out)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     yield out, f"http://127.0.0.1:{server.server_address[1]}"
     server.shutdown()
+    server.server_close()
 
 
 @pytest.fixture
@@ -93,8 +95,7 @@ def test_a_student_in_a_chapter(visit, tmp_path):
     words, handle = cell.locator("[role=status]"), cell.locator(".noUi-handle").first
     words.wait_for()
     first = words.inner_text()
-    handle.focus()
-    page.keyboard.press("ArrowRight")
+    handle.press("ArrowRight")  # the notebook takes the focus back
     page.wait_for_function("([words, first]) => words.innerText !== first",
                            arg=[words.element_handle(), first])
     keep(page, "live-course")
