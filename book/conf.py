@@ -80,7 +80,7 @@ def read(app, docname, source):
 def api():
     """The names that `from hydrolab import …` gives, then every module, for autodoc to fill in."""
     found = [module.name for module in pkgutil.walk_packages(hydrolab.__path__, "hydrolab.")
-             if not re.search(r"\.exercises|__main__|_book", module.name)]
+             if not re.search(r"__main__|_book", module.name)]
     names = "".join(f"   {name}\n" for name in hydrolab.__all__)
     return "\n\n".join([
         f"```{{eval-rst}}\n.. currentmodule:: hydrolab\n\n.. autosummary::\n\n{names}```",

@@ -19,8 +19,8 @@ from hydrolab import __version__
 from hydrolab.addresses import in_words, trouble
 from hydrolab.errors import BadInput, Contact, NoConvergence
 
-LEFT_OUT = ("_build", "_static", "instructor", "conf.py", "index.md", "bibliography.md", "api.md",
-            ".ipynb_checkpoints", "__pycache__")
+LEFT_OUT = ("_build", "_static", "instructor", "exercises", "conf.py", "index.md",
+            "bibliography.md", "api.md", ".ipynb_checkpoints", "__pycache__")
 ANNOUNCEMENTS = "@jupyterlab/apputils-extension:announcements"
 
 

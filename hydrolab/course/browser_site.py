@@ -30,6 +30,7 @@ from typing import Any
 
 from hydrolab import __version__
 from hydrolab.addresses import trouble
+from hydrolab.course import exercises
 from hydrolab.course.static_book import record_scenes
 from hydrolab.errors import BadInput
 
@@ -259,6 +260,8 @@ def _wheel_of_hydrolab(target: Path, more: Mapping[str, str]) -> Path:
             part = path.relative_to(package)
             if path.is_file() and not {"__pycache__", "_book"} & set(part.parts):
                 archive.write(path, f"hydrolab/{part.as_posix()}")
+        for path in exercises.files().values():
+            archive.write(path, f"hydrolab/_book/exercises/{path.name}")
         archive.writestr(f"{info}/METADATA",
                          f"Metadata-Version: 2.1\nName: hydrolab\nVersion: {__version__}\n")
         archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: hydrolab\n"

@@ -4,14 +4,14 @@ name, in this order.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
 import numpy as np
 
-from hydrolab.course.answers import Exercise, other_units
+from hydrolab.course.answers import COMMON, Exercise, other_units
 from hydrolab.course.exercises import exercise
 
 UNANSWERED = "not answered yet. Put your answer in place of ... and run this cell again."
@@ -45,21 +45,68 @@ def judge(asked: Exercise, answer: Any) -> Verdict:
     if (fault := _shape_fault(right, answer)) is not None:
         return Verdict("shape", fault)
     if asked.reply is not None:
-        return Verdict("open", asked.reply(answer))
-    if _same(asked, answer, right):
+        return Verdict("open", " ".join([asked.reply(answer), *_rubric(asked)]))
+    if _accepted(asked, answer, right):
         return Verdict("right", "right.")
-    back = "Read again: {}."
-    if (unit := _mistaken_unit(asked, right, answer)) is not None:
-        return Verdict("unit", f"the right value in {unit}; the answer is asked for in "
-                       f"{asked.unit}. Convert it. {back.format(asked.see)}")
+    return _diagnosis(asked, right, answer)
+
+
+def _rubric(asked: Exercise) -> list[str]:
+    """What to look for in one's own words, the points in brackets."""
+    parts = "; ".join(f"{words} ({points})" for points, words in asked.rubric)
+    return [f"A full answer has: {parts}."] if parts else []
+
+
+def _accepted(asked: Exercise, answer: Any, right: Any) -> bool:
+    if asked.within is not None:
+        low, high = asked.within
+        return bool(low <= answer <= high)
+    return _same(asked, answer, right)
+
+
+def _diagnosis(asked: Exercise, right: Any, answer: Any) -> Verdict:
+    """What to say to a wrong answer: the hint of the mistake that it is; where two mistakes lead
+    there, both, for then nobody knows.
+    """
+    found, hints = "", []
+    seen: list[list[Any]] = []  # what the mistakes so far have led to: the first name stays
+    for kind, hint, see, wrong in _mistakes(asked, right):
+        named = any(_near(asked, wrong, other, 1e-6) for other in seen)
+        if not named and _near(asked, _values(asked, answer, right), wrong, asked.rtol or 1e-9):
+            found, hints = found or kind, [*hints, (hint, see)]
+            seen.append(wrong)
+    if not hints:
+        return Verdict("wrong", f"not yet, and not a mistake known here. Read again: {asked.see}.")
+    (hint, see), *more = hints[:2]
+    if found == "unit" and not more:
+        return Verdict("unit", f"{hint} Read again: {see}.")
+    other = f" Or, which gives the same: {more[0][0]}" if more else ""
+    return Verdict("mistake", f"not yet. {hint}{other} Read again: {see}.")
+
+
+def _mistakes(asked: Exercise, right: Any) -> Iterator[tuple[str, str, str, list[Any]]]:
+    """Every mistake with a name, the exercise's own first: its kind, hint, place to read again, and
+    what it leads to.
+    """
+    theirs = _values(asked, right, right)
     for mistake in asked.mistakes:
-        if _same(asked, answer, mistake.wrong(right)):
-            hint = f"{mistake.hint} {back.format(mistake.see or asked.see)}"
-            return Verdict("mistake", f"not yet. {hint}")
-    return Verdict("wrong", f"not yet, and not a mistake known here. {back.format(asked.see)}")
+        yield ("mistake", mistake.hint, mistake.see or asked.see,
+               _values(asked, mistake.wrong(right), right))
+    if not theirs or any(isinstance(value, str) for value in theirs):
+        return
+    changes = [("unit", f"the right value in {unit}; the answer is asked for in {asked.unit}. "
+                "Convert it.", factor.__mul__) for unit, factor in other_units(asked.unit).items()]
+    for kind, hint, change in [*changes, *(("mistake", *reversed(pair)) for pair in COMMON)]:
+        wrong = [change(value) for value in theirs]
+        if not _near(asked, wrong, theirs, asked.rtol or 1e-9):
+            yield kind, hint, asked.see, wrong
+    if len(theirs) > 1 and not _near(asked, theirs[::-1], theirs, asked.rtol or 1e-9):
+        yield ("mistake", "The entries stand in the wrong order: is x taken for z, the first for "
+               "the last?", asked.see, theirs[::-1])
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """Tell whether a value is a real number, also one of NumPy's; True is none."""
     if isinstance(value, np.ndarray):
         return value.shape == () and value.dtype.kind in "iuf"
     return isinstance(value, Real) and not isinstance(value, bool | np.bool_)
@@ -71,13 +118,13 @@ def _is_finite(value: Any) -> bool:
 
 def _is_list(value: Any) -> bool:
     listed = isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
-    return listed and not _is_number(value)
+    return listed and not is_number(value)
 
 
 def _type_fault(asked: Exercise, right: Any, answer: Any) -> str | None:
     """What is wrong with the kind of an answer, or None."""
-    if _is_number(right):
-        wanted, good = f"a number{f' of {asked.unit}' if asked.unit else ''}", _is_number(answer)
+    if is_number(right):
+        wanted, good = f"a number{f' of {asked.unit}' if asked.unit else ''}", is_number(answer)
         if good and not _is_finite(answer):
             return f"a finite number is asked for; this is {answer!s:.20}."
     elif isinstance(right, str):
@@ -98,7 +145,7 @@ def _type_fault(asked: Exercise, right: Any, answer: Any) -> str | None:
 def _kind(value: Any) -> str:
     if isinstance(value, str):
         return "a text"
-    if _is_number(value):
+    if is_number(value):
         return "a number"
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape}"
@@ -134,7 +181,7 @@ def _shape(answer: Any) -> tuple[int, ...]:
 def _entries_fault(right: list[Any], answer: list[Any]) -> str | None:
     for position, (wanted, got) in enumerate(zip(right, answer, strict=True), 1):
         kind = "text" if isinstance(wanted, str) else "number"
-        if not (isinstance(got, str) if kind == "text" else _is_number(got) and _is_finite(got)):
+        if not (isinstance(got, str) if kind == "text" else is_number(got) and _is_finite(got)):
             yet = " yet" if got is ... else ""
             return f"each entry is a {kind}; entry {position} is not one{yet}."
     return None
@@ -144,33 +191,25 @@ def _word(text: str) -> str:
     return text.strip().lower().replace("−", "-")
 
 
-def _values(asked: Exercise, answer: Any, keys: Mapping[Any, Any] | None) -> list[Any]:
-    """What is compared of an answer, in a row: numbers and words."""
+def _values(asked: Exercise, answer: Any, like: Any = None) -> list[Any]:
+    """What is compared of an answer, in a row: numbers and words; of a dictionary in the order of
+    the keys of one `like` it.
+    """
     if asked.measure is not None:
         answer = asked.measure(answer)
-    if keys is not None:
-        answer = [answer[key] for key in keys]
+    if isinstance(like, Mapping):
+        answer = [answer[key] for key in like]
     return [_word(str(v)) if isinstance(v, str) else float(v)
             for v in np.ravel(np.asarray(answer)).tolist()]
 
 
-def _same(asked: Exercise, answer: Any, other: Any, factor: float = 1.0) -> bool:
-    """Tell whether an answer is another one, numbers within the tolerance and times a factor."""
-    keys = other if isinstance(other, Mapping) else None
-    mine, theirs = _values(asked, answer, keys), _values(asked, other, keys)
-
-    def near(a: Any, b: Any) -> bool:
-        if isinstance(b, str):
-            return a == b
-        return abs(a - factor * b) <= abs(factor) * (asked.atol + asked.rtol * abs(b))
-
-    return len(mine) == len(theirs) and all(map(near, mine, theirs))
+def _near(asked: Exercise, mine: list[Any], theirs: list[Any], rtol: float) -> bool:
+    """Tell whether two rows of values agree, numbers within the tolerance."""
+    return len(mine) == len(theirs) and all(
+        a == b if isinstance(b, str) or isinstance(a, str)
+        else abs(a - b) <= asked.atol + rtol * abs(b) for a, b in zip(mine, theirs, strict=True))
 
 
-def _mistaken_unit(asked: Exercise, right: Any, answer: Any) -> str | None:
-    """The unit in which the answer would be right, if it is another one of the same kind."""
-    values = _values(asked, right, right if isinstance(right, Mapping) else None)
-    if not any(isinstance(v, float) and v for v in values):
-        return None
-    return next((unit for unit, factor in other_units(asked.unit).items()
-                 if _same(asked, answer, right, factor)), None)
+def _same(asked: Exercise, answer: Any, other: Any) -> bool:
+    """Tell whether an answer is another one, numbers within the exercise's tolerance."""
+    return _near(asked, _values(asked, answer, other), _values(asked, other, other), asked.rtol)

@@ -1,5 +1,5 @@
-"""A copy of the course to hand out: the chapters as they are, without the folded solutions and
-answers.
+"""A copy of the course to hand out: the chapters without folded solutions and answers, and without
+the stored outputs that give them away.
 """
 
 from __future__ import annotations
@@ -17,11 +17,16 @@ FOLDED = re.compile(r"\n*<details>\s*<summary>[^<]*(?:Solution|[Aa]nswer)[^<]*</
 
 
 def without_solutions(notebook: Notebook) -> Notebook:
-    """The notebook without what a student opens after having tried; stubs, checks and outputs stay.
+    """The notebook without what a student opens after having tried, and without any stored output
+    below the predictions: whatever answers one is somewhere in them.
     """
-    cells = []
+    cells, asked = [], False
     for cell in notebook["cells"]:
-        if cell["cell_type"] == "markdown" and FOLDED.search(cell["source"]):
+        if cell["cell_type"] == "code":
+            if asked:
+                cell = cell | {"outputs": [], "execution_count": None}
+            asked |= "\npredict(" in f"\n{cell['source']}"
+        elif FOLDED.search(cell["source"]):
             left = FOLDED.sub("\n\n", cell["source"]).strip("\n")
             if not left:
                 continue

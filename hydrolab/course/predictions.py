@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hydrolab.course.answers import other_units
+from hydrolab.course.checks import is_number
 from hydrolab.errors import BadInput
 
 
@@ -25,17 +27,21 @@ _KEPT: dict[str, Prediction] = {}  # of this kernel, that is, of one chapter
 
 
 def predict(name: str, value: Any, unit: str = "", *, choices: Sequence[str] = ()) -> None:
-    """Keep a predicted value, a number of `unit` or one of `choices`, until `answer` is called with
-    the same name.
+    """Keep a predicted value, a number of `unit` ("1": a pure one) or one of `choices`, until
+    `answer` is called with the same name.
 
-    `...` is a prediction not made yet: it is kept as such, with a word on how to make it.
+    `...` is a prediction not made yet: it is kept as such, with a word on how to make it. Raises
+    BadInput where neither a unit nor choices are given: a number without one cannot be judged.
     """
+    if not unit and not choices:
+        raise BadInput(f"The prediction {name!r} says no unit; give one, as in predict({name!r}, "
+                       '..., "mm"), or choices.')
     _KEPT[name] = Prediction(value, unit, tuple(choices))
-    wanted = (f"one of {', '.join(map(repr, choices))}" if choices
-              else f"a number of {unit}" if unit else "a number")
+    wanted = f"one of {', '.join(map(repr, choices))}" if choices else _number_of(unit)
     if value is ...:
         print(f"{name}: no prediction yet. Put {wanted} in place of ... and run this cell again.")
-    elif choices and str(value).strip().lower() not in {choice.lower() for choice in choices}:
+    elif not (str(value).strip().lower() in {choice.lower() for choice in choices} if choices
+              else is_number(value)):
         print(f"{name}: you predict {value!r}, which is not {wanted}.")
     else:
         print(f"{name}: you predict {value if choices else _quantity(value, unit)}.")
@@ -74,11 +80,9 @@ def answered(prediction: Any, computed: float | str, unit: str = "") -> str:
     if isinstance(computed, str):
         same = str(prediction).strip().lower() == computed.lower()
         return f"{result} You said {prediction}: {'the same' if same else 'not the same'}."
-    try:
-        value = float(prediction)
-    except (TypeError, ValueError):
-        of = f" of {unit}" if unit else ""
-        return f"{result} You said {prediction!r}, which is not a number{of}."
+    if not is_number(prediction):
+        return f"{result} You said {prediction!r}, which is not {_number_of(unit)}."
+    value = float(prediction)
     said = f"{result} You said {_quantity(value, unit)}"
     if value == 0 or computed == 0:
         return f"{said}."
@@ -87,10 +91,17 @@ def answered(prediction: Any, computed: float | str, unit: str = "") -> str:
     ratio = value / computed
     if abs(ratio - 1) <= 0.1:
         return f"{said}: within 10 %."
+    for other, factor in other_units(unit).items():
+        if abs(ratio / factor - 1) <= 0.1:
+            return f"{said}: within 10 % if you meant {other}; it was asked for in {unit}."
     return f"{said}: {f'{ratio:.2g} times as much' if ratio > 1 else f'{100 * ratio:.2g} % of it'}."
+
+
+def _number_of(unit: str) -> str:
+    return "a pure number" if unit == "1" else f"a number of {unit}"
 
 
 def _quantity(value: Any, unit: str) -> str:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     words = f"{value:.3g}".replace("-", "−") if number else str(value)
-    return f"{words} {unit}".rstrip()
+    return f"{words} {unit}".removesuffix(" 1").rstrip()

@@ -80,7 +80,9 @@ LENGTH = Exercise(lambda: 2.0, see="The gap", unit="mm", mistakes=(
     (2000.0, "unit", "in µm"),
     (-2.0, "mistake", "The sign. Read again: The gap."),
     (4.0, "mistake", "The diameter. Read again: Eq. (2.1)."),
-    (3.0, "wrong", "Read again: The gap."),
+    (2.3, "wrong", "Read again: The gap."),
+    (2.0 * math.sqrt(2), "mistake", "rms value or an amplitude"),
+    (2.0 * 30 / math.pi, "mistake", "rpm where rad/s belong"),
 ])
 def test_type_then_unit_then_value_then_mistakes(answer, found, said):
     verdict = judge(LENGTH, answer)
@@ -94,18 +96,64 @@ def test_type_then_unit_then_value_then_mistakes(answer, found, said):
     ([1.0, 2.0], 1, "type"),
     (np.eye(2), np.eye(2), "right"),
     (np.eye(2), np.eye(2).tolist(), "right"),
-    (np.eye(2), -np.eye(2), "wrong"),
+    (np.eye(2), -np.eye(2), "mistake"),
     (["forward", "backward"], ["Forward", "backward "], "right"),
     (["forward", "backward"], ["backward", "backward"], "wrong"),
     (["forward", "backward"], "forward", "type"),
     ({"a": 1, "b": 2}, {"b": 2, "a": 1}, "right"),
     ({"a": 1, "b": 2}, {"a": 1}, "shape"),
-    ({"a": 1, "b": 2}, {"a": 2, "b": 1}, "wrong"),
+    ({"a": 1, "b": 2}, {"a": 2, "b": 1}, "mistake"),
     ("stable", "Stable", "right"),
     ("stable", 1, "type"),
 ])
 def test_other_kinds_of_answers(right, answer, found):
     assert judge(Exercise(lambda: right, see="x"), answer).found == found
+
+
+def test_where_two_mistakes_lead_to_the_same_answer_both_are_said():
+    asked = Exercise(lambda: 9.88, see="x", mistakes=(
+        Mistake(lambda right: 6.985, "This is 2X in z."),))
+    said = judge(asked, 6.986).said
+    assert "2X in z" in said and "Or, which gives the same: A factor of √2" in said
+
+
+def test_a_range_is_right():
+    asked = Exercise(lambda: 0.0306, see="x", within=(0.0305, 0.06))
+    assert [judge(asked, value).found for value in (0.03, 0.0306, 0.05)] == ["wrong", "right",
+                                                                             "right"]
+
+
+def test_an_open_question_shows_its_rubric():
+    asked = Exercise(lambda: 1.0, see="x", reply=lambda answer: "noted.",
+                     rubric=((2, "a limit"), (1, "a number")))
+    assert judge(asked, 2.0).said == "noted. A full answer has: a limit (2); a number (1)."
+
+
+OTHERWISE = [  # what else goes wrong with any number: slips that no exercise foresees
+    lambda v: -v, lambda v: 2 * v, lambda v: v / 2, lambda v: math.sqrt(2) * v,
+    lambda v: v / math.sqrt(2), lambda v: math.sqrt(8) * v, lambda v: v / math.sqrt(8),
+    lambda v: v * math.pi / 30, lambda v: v * 30 / math.pi, lambda v: 2 * math.pi * v,
+    lambda v: v / (2 * math.pi), lambda v: 60 * v, lambda v: v / 60, lambda v: 1e3 * v,
+    lambda v: v / 1e3, lambda v: 100 * v, lambda v: v / 100, lambda v: v * v, lambda v: 1 / v,
+    lambda v: 4 * v, lambda v: v / 4, lambda v: 0.11 * v, lambda v: 0.5 * v, lambda v: 9.81 * v,
+    lambda v: v + 1, lambda v: 1.1 * v, lambda v: 10 * v]
+
+
+def test_most_plausible_wrong_answers_get_a_hint_of_their_own():
+    """At least 85 of 100: each exercise's own, and slips that any number may suffer."""
+    found = {number: [judge(REGISTERED[number], wrong).found for wrong in wrongs]
+             for number in CLOSED if (wrongs := list(plausible(REGISTERED[number])))}
+    every = [kind for kinds in found.values() for kind in kinds if kind != "right"]
+    assert len(every) > 500
+    assert sum(kind in ("mistake", "unit") for kind in every) >= 0.85 * len(every), {
+        number: kinds.count("wrong") for number, kinds in found.items()}
+
+
+def plausible(asked):
+    right = asked.right()
+    yield from (mistake.wrong(right) for mistake in asked.mistakes)
+    if isinstance(right, float | int) and right:
+        yield from (slip(right) for slip in OTHERWISE)
 
 
 def test_a_choice_is_among_the_choices():

@@ -122,6 +122,8 @@ def test_the_book_is_handed_out_whole_but_for_solutions(tmp_path, capsys):
         assert not re.search(r"<summary>[^<]*(?:Solution|[Aa]nswer)",
                              text) and "## Exercises" in text
         assert path.read_text() == notebooks.text(notebooks.clean(notebook))
+        kept = [cell for cell in notebook["cells"] if cell.get("outputs")]
+        assert kept and "predict(" in kept[-1]["source"]  # whatever answers it comes later
     assert main(["lab", "--students", str(folder)]) == 2
     assert "not an empty folder" in capsys.readouterr().err
     with pytest.raises(BadInput, match="inside the shipped course"):

@@ -16,7 +16,9 @@ def fresh(monkeypatch):
     (..., -1.5951, "mm", "Computed: −1.6 mm. You have not predicted it"),
     (-1.5, -1.5951, "mm", "You said −1.5 mm: within 10 %."),
     (1.6, -1.5951, "mm", "the other sign"),
-    (405, 42.4, "rad/s", "9.6 times as much"),
+    (100, 42.4, "rad/s", "2.4 times as much"),
+    (405, 42.4, "rad/s", "within 10 % if you meant rpm; it was asked for in rad/s"),
+    (0.0016, 1.6, "mm", "if you meant m;"),
     (0.5, 1.0, "", "50 % of it"),
     (0, 1.0, "", "You said 0."),
     ("much", 1.0, "mm", "which is not a number of mm"),
@@ -34,7 +36,8 @@ def test_answered(prediction, computed, unit, said):
     (-1.5, {"unit": "mm"}, "2a: you predict −1.5 mm."),
     ("+X", {"choices": ["+x", "-x"]}, "2a: you predict +X."),
     ("left", {"choices": ["+x", "-x"]}, "'left', which is not one of '+x', '-x'"),
-    (None, {}, "2a: you predict None."),
+    (None, {"unit": "mm"}, "you predict None, which is not a number of mm"),
+    (True, {"unit": "1"}, "which is not a pure number"),
 ])
 def test_a_prediction_is_kept_in_words(value, more, said, capsys):
     predict("2a", value, **more)
@@ -54,10 +57,15 @@ def test_a_prediction_is_answered_and_recalled(capsys):
 
 
 def test_a_second_try_replaces_the_first(capsys):
-    predict("2a", 2)
-    predict("2a", 1)
+    predict("2a", 2, "mm")
+    predict("2a", 1, "mm")
     answer("2a", 1.0)
     assert "within 10 %" in capsys.readouterr().out
+
+
+def test_a_prediction_has_a_unit():
+    with pytest.raises(BadInput, match="says no unit"):
+        predict("2a", 1)
 
 
 def test_what_was_not_predicted_has_no_answer():
