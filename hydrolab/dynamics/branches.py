@@ -290,15 +290,18 @@ def _cut(branch: Branch, rows: int, stopped: str) -> Branch:
 
 
 def _balanced(branch: Branch) -> Branch:
-    """The branch up to the first point where the forces do not balance; the first is a solution."""
+    """The branch up to the first point where the forces do not balance or do not repeat; the first
+    is a solution.
+    """
     problem = branch.path.at(branch.values[0])
     least = problem.equations.small(branch.unknowns[0], problem.centre)
-    for k in map(int, np.flatnonzero(branch.residuals > least)):
+    doubtful = (branch.residuals > least) | problem.equations.model.law.moving
+    for k in map(int, np.flatnonzero(doubtful)):
         problem = branch.path.at(branch.values[k])
         try:
             problem.equations.require_balance(branch.unknowns[k], problem.centre,
                                               branch.residuals[k])
-        except NoConvergence as error:
+        except (NoConvergence, BadInput) as error:
             return _cut(branch, max(k, 1), str(error))
     return branch
 

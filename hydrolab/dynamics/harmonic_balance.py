@@ -121,10 +121,12 @@ class Condensed:
         return BALANCED * float(max(laws, self.speed**2 * shaking))
 
     def require_balance(self, y: NDArray, centre: NDArray, residual: float) -> None:
-        """Raise NoConvergence where what is left over is not small against the forces on a motion.
+        """Raise NoConvergence where what is left over is not small against the forces on a motion,
+        and BadInput where these forces do not repeat with it.
 
         residual: N, an upper bound; where it is not small, the residual is computed.
         """
+        self.require_repeat(y, centre)
         small = self.small(y, centre)
         if residual > small:
             residual = self.newtons(self.residual(y, centre))
@@ -134,6 +136,36 @@ class Condensed:
                 f"and the largest of them is {small / BALANCED:.1e} N. Its stiffnesses are too far "
                 "apart for a computer's numbers; look for a part that is nearly rigid, or for two "
                 "parts on one place.")
+
+
+    def require_repeat(self, y: NDArray, centre: NDArray) -> None:
+        """Raise BadInput where the forces, or their slopes, at places of a motion differ a period
+        later.
+        """
+        law, q, few = self.model.law, self.revolutions, slice(None, None, 8)
+        if not law.moving:
+            return
+        place = self.position(y, centre)[:, few]
+        rate = (y.reshape(len(self.linear), -1) @ self.rate)[:, few]
+
+        def felt(turns: int) -> NDArray:
+            force, slope, _ = law.linearise(place, rate, self.phase[few] + 2 * math.pi * turns,
+                                            self.speed)
+            return np.append(force, self.length * slope)
+
+        now = felt(0)
+        largest = max(float(np.abs(now).max()), np.finfo(float).tiny)
+        away = float(np.abs(felt(q) - now).max()) / largest
+        if not away > BALANCED:
+            return
+        more = [n for n in range(2, 17) if not np.abs(felt(n) - now).max() > BALANCED * largest]
+        raise BadInput(
+            f"The forces of {self.model.name} do not repeat after {q} revolution{'s' * (q > 1)}: "
+            f"at the same places they then differ by {100 * away:.2g} %, and harmonic balance "
+            "finds motions that repeat. "
+            + (f"Ask for one with HarmonicBalance({4 * more[0]}, revolutions={more[0]})." if more
+               else "Use `integrate`, or a field (poles.electrical_ratio) that repeats in q "
+               "revolutions with revolutions=q; a synchronous one repeats in 1."))
 
 
 def dynamic_stiffness(model: Model, w: float, speed: float) -> NDArray:
@@ -271,7 +303,8 @@ class HarmonicBalance:
         direction: gap angle of the stator offset, rad. start: a steady state to begin from; without
         one the linear response is tried, then a walk from zero eccentricity. Raises NoConvergence
         with what to try next, Contact where the steady state found would touch the stator, BadInput
-        for arguments outside what is allowed, among them a start with other coordinates.
+        for arguments outside what is allowed, a start with other coordinates, and forces that do
+        not repeat with the motion (a field that slips).
         """
         eq = self.equations(model, speed)
         number("static_eccentricity", static_eccentricity)
