@@ -1,9 +1,5 @@
-"""A figure that is drawn again and again: what stands still is drawn and sent once, what moves is
-drawn over it.
-
-Drawing a whole figure takes ten times as long as drawing the few lines of it that change, and to
-write and read a PNG of it as long again; so a picture that follows a slider is a PNG of what stands
-still and the pixels that differ from it.
+"""A figure that follows a slider: a PNG of what stands still, sent once, and the pixels that differ
+from it. To draw, write and read it whole takes ten times as long.
 """
 
 from __future__ import annotations
@@ -30,14 +26,19 @@ class KeptFigure:
     (limits, ticks, titles) call `redraw()`.
     """
 
-    def __init__(self, figure: Figure, moving: Iterable[Artist]) -> None:
-        self.figure, self.moving = figure, sorted(moving, key=lambda artist: artist.get_zorder())
-        for artist in self.moving:
-            # left out when the still part is drawn, and in when the figure is saved
-            artist.set_animated(True)
+    def __init__(self, figure: Figure, moving: Iterable[Artist] = ()) -> None:
+        self.figure, self.moving = figure, []
+        self.moves(*moving)
         self._still: Any = None
         self._ground: tuple[NDArray, bytes] | None = None  # the still part, as pixels and as PNG
         self._last: NDArray | None = None
+
+    def moves(self, *artists: Artist) -> None:
+        """Count these artists of the figure among those that move."""
+        for artist in artists:
+            # left out when the still part is drawn, and in when the figure is saved
+            artist.set_animated(True)
+        self.moving = sorted([*self.moving, *artists], key=lambda artist: artist.get_zorder())
 
     @property
     def width(self) -> int:
@@ -70,14 +71,13 @@ class KeptFigure:
                 canvas.draw()  # also lays the panels out
             self.figure.set_layout_engine("none")
             self._still, self._ground = canvas.copy_from_bbox(self.figure.bbox), None
-        renderer = canvas.get_renderer()
         canvas.restore_region(self._still)
         for artist in self.moving:
-            artist.draw(renderer)
+            artist.draw(canvas.get_renderer())
         self._last = np.array(canvas.buffer_rgba())
         return self._last
 
-    def greyed(self, words: str = "nothing to show here") -> bytes:
+    def greyed(self) -> bytes:
         """The last picture in pale grey with words across it, as PNG; asked again, it does not fade
         further.
         """
@@ -90,19 +90,16 @@ class KeptFigure:
         pixels[..., 3] = 255
         with house_style():
             box = {"facecolor": "white", "edgecolor": COLOURS["unstable"], "pad": 12}
-            note = self.figure.text(0.5, 0.5, words, ha="center", va="center", fontsize=22,
-                                    color=COLOURS["unstable"], bbox=box)
+            note = self.figure.text(0.5, 0.5, "nothing to show here", ha="center", va="center",
+                                    fontsize=22, color=COLOURS["unstable"], bbox=box)
             note.draw(renderer)
         note.remove()
         return quick_png(pixels)
 
 
 def differing(still: NDArray, now: NDArray) -> bytes:
-    """The pixels of one picture that differ from another of the same size, in runs: 4-byte numbers,
-    little end first.
-
-    How many runs there are, where each begins (counted along the rows), how long each is, and then
-    all their pixels.
+    """The pixels of `now` that differ from `still`, in runs along the rows, as 4-byte numbers,
+    little end first: how many runs, where each begins, how long each is, and all their pixels.
     """
     pixels = now.reshape(-1, 4).view("<u4")[:, 0]
     at = np.flatnonzero(still.reshape(-1, 4).view("<u4")[:, 0] != pixels)
@@ -112,9 +109,7 @@ def differing(still: NDArray, now: NDArray) -> bytes:
 
 
 def quick_png(pixels: NDArray) -> bytes:
-    """A PNG of pixels (height, width, 4) of bytes, without filters: in half the time that a general
-    writer takes.
-    """
+    """A PNG of pixels (height, width, 4) of bytes, without filters: in half the usual time."""
     height, width = pixels.shape[:2]
     rows = np.zeros((height, 1 + 4 * width), dtype=np.uint8)  # each row begins with its filter, 0
     rows[:, 1:] = pixels.reshape(height, -1)

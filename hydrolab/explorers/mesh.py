@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from hydrolab.errors import BadInput
-from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, whole
-from hydrolab.figures.style import COLOURS, house_style, new_figure
-from hydrolab.machine import Machine, RadialBearing, Shaft, load_machine
+from hydrolab.explorers.guide import machine_with
+from hydrolab.explorers.widget import FigureExplorer, View, at_work, whole
+from hydrolab.figures.drawing import PALE
+from hydrolab.figures.style import COLOURS
+from hydrolab.machine import Machine, RadialBearing, Shaft
 
-MODES = 4
+COLOUR = COLOURS["x"], COLOURS["z"], COLOURS["2X"], COLOURS["3X"]  # of the modes
 MOST = 16  # elements
-COLOUR = (COLOURS["x"], COLOURS["z"], COLOURS["2X"], COLOURS["3X"])
 
 
 class ElementsView(View):
@@ -27,31 +27,27 @@ class ElementsView(View):
     1921): E I k⁴ − ω² (ρA + ρI k² + ρ E I k²/(κG)) + ω⁴ ρ² I/(κG) = 0 with k = nπ/L.
     """
 
-    @house_style()
+    @at_work()
     def __init__(self, shaft: Shaft) -> None:
         self.shaft = _uniform(shaft, 1)
-        self.exact = np.array([self._frequency(n) for n in range(1, MODES + 1)])
-        found = {count: self.modes(count)[0] for count in range(1, MOST + 1)}
-        figure = new_figure(11, 5)
-        left, right = figure.subplots(1, 2)
+        self.exact = np.array([self._frequency(n) for n in range(1, len(COLOUR) + 1)])
+        self.found = [self.modes(count) for count in range(1, MOST + 1)]
+        left, right = self.panels(11, 5, 2)
         self.y = np.linspace(0, 1, 201)
-        self.sine, = left.plot([], [], color="#C8C8C8", linewidth=7, label="exact")
-        self.line, = left.plot([], [], "o-", color=COLOURS["rotor"], label="at the nodes")
+        self.sine = self.line(left, color=PALE, linewidth=7, label="exact")
+        self.shape = self.line(left, "o-", color=COLOURS["rotor"], label="at the nodes")
         left.set(xlim=(0, 1), ylim=(-1.25, 1.25), xlabel="depth / length", title="Shape")
         left.legend(loc="upper right", ncols=2)
         for n, colour in enumerate(COLOUR):
-            known = [(count, 100 * (f[n] / self.exact[n] - 1)) for count, f in found.items()
-                     if len(f) > n]
-            right.plot(*zip(*known, strict=True), color=colour, marker=".",
-                       label=f"mode {n + 1}")
+            known = [(count, 100 * (f[n] / self.exact[n] - 1))
+                     for count, (f, _) in enumerate(self.found, 1) if len(f) > n]
+            right.plot(*zip(*known, strict=True), color=colour, marker=".", label=f"mode {n + 1}")
         right.set(xscale="log", yscale="log", xlim=(0.9, 18), ylim=(1e-4, 300),
                   xlabel="elements", title="Frequency too high by, %")
         right.set_xticks([1, 2, 3, 4, 6, 8, 12, 16], [1, 2, 3, 4, 6, 8, 12, 16])
         right.minorticks_off()
         right.legend(loc="lower left")
-        self.here, = right.plot([], [], "o", markersize=14, fillstyle="none",
-                                color=COLOURS["mean"])
-        self.kept = KeptFigure(figure, [self.sine, self.line, self.here])
+        self.here = self.line(right, "o", markersize=14, fillstyle="none", color=COLOURS["mean"])
 
     def _frequency(self, n: int) -> float:
         s = self.shaft
@@ -64,7 +60,7 @@ class ElementsView(View):
 
     def modes(self, count: int) -> tuple[NDArray, NDArray]:
         """Frequencies (rad/s, ascending) and shapes x at the nodes (nodes, modes) of the bending in
-        (x, y).
+        (x, y), in so many elements.
         """
         # a machine needs some; pinned below
         ends = RadialBearing("top", 0, 1.0), RadialBearing("bottom", count, 1.0)
@@ -78,23 +74,25 @@ class ElementsView(View):
 
     def __call__(self, elements: int, mode: int) -> str:
         """Show a mode of the shaft in so many elements; return the reading."""
-        frequencies, shapes = self.modes(elements)
-        shape = shapes[:, mode - 1] if len(frequencies) >= mode else np.full(elements + 1, np.nan)
-        sine = np.sin(mode * math.pi * self.y)
+        frequencies, shapes = self.found[elements - 1]
         nodes = np.linspace(0, 1, elements + 1)
-        at_nodes = np.sin(mode * math.pi * nodes)
-        # all nodes at rest
-        size = shape @ at_nodes / (at_nodes @ at_nodes) if at_nodes @ at_nodes > 1e-9 else math.inf
+        sine, at_nodes = (np.sin(mode * math.pi * y) for y in (self.y, nodes))
         self.sine.set_data(self.y, sine)
-        self.line.set_data(nodes, shape / size)
+        with_elements = f"With {elements} element{'s' * (elements > 1)}"
         if len(frequencies) < mode:
-            self.here.set_data([], [])
-            return f"With {elements} element{'s' * (elements > 1)} there is no mode {mode}."
-        error = 100 * (frequencies[mode - 1] / self.exact[mode - 1] - 1)
+            for line in (self.shape, self.here):
+                line.set_data([], [])
+            return f"{with_elements} there is no mode {mode}."
+        # as large as the sine at the nodes; nothing where those are all at rest
+        square = at_nodes @ at_nodes
+        shape = shapes[:, mode - 1]
+        size = shape @ at_nodes / square if square > 1e-9 else math.inf
+        self.shape.set_data(nodes, shape / size)
+        found, exact = frequencies[mode - 1], self.exact[mode - 1]
+        error = 100 * (found / exact - 1)
         self.here.set_data([elements], [error])
-        return (f"With {elements} element{'s' * (elements > 1)} mode {mode} is at "
-                f"{frequencies[mode - 1] / 2 / math.pi:.3f} Hz, {error:.3g} % above the exact "
-                f"{self.exact[mode - 1] / 2 / math.pi:.3f} Hz.")
+        return (f"{with_elements} mode {mode} is at {found / 2 / math.pi:.3f} Hz, {error:.3g} % "
+                f"above the exact {exact / 2 / math.pi:.3f} Hz.")
 
 
 def _uniform(shaft: Shaft, count: int) -> Shaft:
@@ -110,8 +108,6 @@ def elements_explorer(machine: Machine | None = None) -> FigureExplorer:
     machine: whose shaft it is; by default the card "kaplan-150rpm". Raises BadInput for a machine
     without a shaft.
     """
-    machine = machine or load_machine("kaplan-150rpm")
-    if machine.shaft is None:
-        raise BadInput(f"{machine.name} has no shaft; an explorer of elements needs one.")
-    return FigureExplorer(ElementsView(machine.shaft), {"elements": whole("elements", 2, 1, MOST),
-                                                        "mode": whole("mode", 1, 1, MODES)})
+    view = ElementsView(machine_with(machine, "kaplan-150rpm", "shaft").shaft)
+    return FigureExplorer(view, {"elements": whole("elements", 2, 1, MOST),
+                                 "mode": whole("mode", 1, 1, len(COLOUR))})

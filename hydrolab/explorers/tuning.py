@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from threadpoolctl import threadpool_limits
-
 from hydrolab.dynamics.branches import Arclength, follow
-from hydrolab.errors import BadInput
-from hydrolab.explorers.guide import guide_of
-from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, slider
+from hydrolab.explorers.guide import guide_of, machine_with
+from hydrolab.explorers.widget import FigureExplorer, View, at_work, slider
 from hydrolab.figures.drawing import UM
 from hydrolab.figures.readings import first_along
-from hydrolab.figures.style import COLOURS, house_style, new_figure
-from hydrolab.machine import Machine, load_machine, vary
+from hydrolab.figures.style import COLOURS
+from hydrolab.machine import Machine, Model, vary
 
 AMPLITUDE = 200.0  # µm, 1X of the centred generator (Villa et al., section 2)
 FOLDS = (8.90, 8.95)  # %, an orbit is shown at 8.9 and none found beyond
@@ -28,17 +25,15 @@ class CalibrationView(View):
     fold. Each try is marked.
     """
 
-    @house_style()
+    @at_work()
     def __init__(self, machine: Machine) -> None:
         self.machine, self.guide = machine, guide_of(machine)
         self.body = machine.body(machine.air_gap.body)
-        self.tries: list[tuple[float, float]] = []
-        figure = new_figure(11, 5.2)
-        left, right = figure.subplots(1, 2)
+        left, right = self.panels(11, 5.2, 2)
         wanted = {"color": COLOURS["stable"], "alpha": 0.35, "linewidth": 0}
         left.axvspan(*FOLDS, label="fold wanted", **wanted)
-        self.branch, = left.plot([], [], color=COLOURS["rotor"], label="first leg")
-        self.turn, = left.plot([], [], "D", color=COLOURS["fold"])
+        self.branch = self.line(left, color=COLOURS["rotor"], label="first leg")
+        self.turn = self.line(left, "D", color=COLOURS["fold"])
         left.plot(0, AMPLITUDE, "o", color=COLOURS["stable"], markersize=14, fillstyle="none",
                   markeredgewidth=2.5, label="200 µm wanted")
         left.set(xlim=(0, 12), ylim=(0, 1200), xlabel="static eccentricity, %",
@@ -46,31 +41,29 @@ class CalibrationView(View):
         left.legend(loc="upper left")
         right.axvspan(*FOLDS, **wanted)
         right.axhspan(AMPLITUDE * (1 - NEAR), AMPLITUDE * (1 + NEAR), **wanted)
-        self.trail, = right.plot([], [], ".-", color="#AAAAAA", linewidth=1)
-        self.now, = right.plot([], [], "o", color=COLOURS["rotor"], markersize=11)
+        self.trail = self.line(right, ".-", color="#AAAAAA", linewidth=1)
+        self.now = self.line(right, "o", color=COLOURS["rotor"], markersize=11)
         right.set(xlim=(5, 12), ylim=(80, 400), xlabel="first fold, %",
                   ylabel="1X when centred, µm (0-to-peak)",
                   title="Both at once: where the bands cross")
-        self.kept = KeptFigure(figure, [self.branch, self.turn, self.trail, self.now])
+        self.begin()
 
     def begin(self) -> None:
         """Forget all tries."""
-        self.tries = []
+        self.tries: list[tuple[float, float]] = []
 
-    def _varied(self, depth: float, mass: float, unbalance: float) -> Machine:
+    def _model(self, depth: float, mass: float, unbalance: float) -> Model:
         nodes = self.machine.shaft.nodes.copy()
         nodes[self.guide.node] = depth
-        return vary(self.machine, {"shaft.nodes": nodes,
-                                   f"bodies.{self.body.name}.mass": 1e3 * mass,
-                                   "unbalance": unbalance})
+        return vary(self.machine, {"shaft.nodes": nodes, "unbalance": unbalance,
+                                   f"bodies.{self.body.name}.mass": 1e3 * mass}).model()
 
     def __call__(self, depth: float, mass: float, unbalance: float) -> str:
         """Show a depth of the guide bearing (m), a generator mass (t) and a factor on all
         unbalances; return the reading.
         """
-        with threadpool_limits(1):
-            model = self._varied(depth, mass, unbalance).model()
-            branch = follow(model, speed=self.machine.speed, to=0.5, method=Arclength(max_folds=1))
+        branch = follow(self._model(depth, mass, unbalance), speed=self.machine.speed, to=0.5,
+                        method=Arclength(max_folds=1))
         first, leg = UM * first_along(branch), branch.first_leg
         self.branch.set_data(100 * branch.static_eccentricity[leg], first[leg])
         size = float(first[0])
@@ -80,8 +73,8 @@ class CalibrationView(View):
             for artist in (self.turn, self.now):
                 artist.set_data([], [])
             return f"{said} (0-to-peak) and no fold was met: {branch.stopped}"
-        fold, turn = 100 * branch.folds[0].value, branch.at_fold(0)
-        self.turn.set_data([fold], [UM * turn.amplitudes[0, 0]])
+        fold = 100 * branch.folds[0].value
+        self.turn.set_data([fold], [UM * branch.at_fold(0).amplitudes[0, 0]])
         if (fold, size) not in self.tries:
             self.tries = [*self.tries, (fold, size)][-TRIES:]
         self.trail.set_data(*zip(*self.tries, strict=True))
@@ -99,15 +92,12 @@ def calibration_explorer(machine: Machine | None = None) -> FigureExplorer:
     It starts beside the card's values. machine: with a shaft and an air gap; by default the card
     "kaplan-150rpm". Raises BadInput for a machine without them.
     """
-    machine = machine or load_machine("kaplan-150rpm")
-    if machine.shaft is None or machine.air_gap is None:
-        raise BadInput(f"{machine.name} lacks a shaft or an air_gap; an explorer of the "
-                       "calibration needs both.")
-    view = CalibrationView(machine)
-    mass, depth = view.body.mass / 1e3, float(machine.shaft.nodes[view.guide.node])
+    view = CalibrationView(machine_with(machine, "kaplan-150rpm", "shaft", "air_gap"))
+    body, guide = view.body, view.guide
+    mass, depth = body.mass / 1e3, float(view.machine.shaft.nodes[guide.node])
     return FigureExplorer(view, {
-        "depth": slider(f"depth of the {view.guide.name}, m", round(1.1 * depth, 2),
+        "depth": slider(f"depth of the {guide.name}, m", round(1.1 * depth, 2),
                         round(0.75 * depth, 2), round(1.35 * depth, 2), 0.002, 3),
-        "mass": slider(f"mass of the {view.body.name}, t", round(mass, 1), round(0.5 * mass),
+        "mass": slider(f"mass of the {body.name}, t", round(mass, 1), round(0.5 * mass),
                        round(1.5 * mass), 0.5, 1),
         "unbalance": slider("unbalance, × the card's", 0.7, 0.3, 2.0, 0.01, 2)})

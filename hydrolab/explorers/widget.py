@@ -7,13 +7,17 @@ afterwards, so a fast drag never queues up and always ends where the slider ends
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import anywidget
 import ipywidgets as widgets
 import traitlets
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from threadpoolctl import threadpool_limits
 
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.explorers.flipbook import (
@@ -27,9 +31,18 @@ from hydrolab.explorers.flipbook import (
 )
 from hydrolab.explorers.kept_figure import KeptFigure
 from hydrolab.figures.picture import Picture
-from hydrolab.figures.style import new_figure
+from hydrolab.figures.style import COLOURS, house_style, new_figure
 
 LAYOUT = {"width": "min(46em, 98%)"}  # of a slider
+
+
+@contextmanager
+def at_work() -> Iterator[None]:
+    """Draw in the house style and compute on one BLAS thread, which is quicker for small matrices;
+    also a decorator.
+    """
+    with house_style(), threadpool_limits(1):
+        yield
 
 
 class View:
@@ -37,12 +50,31 @@ class View:
     figure and returns the reading.
 
     Where there is nothing to show it raises what the library raises (NoConvergence, Contact,
-    BadInput); the last picture then stays, in grey, with the reason. A new explorer is a view with
-    `kept` and `__call__`, and a function that puts controls beside it; one that remembers also has
-    a `begin`, and one that can be clicked a `pick`.
+    BadInput); the last picture then stays, in grey, with the reason. A new explorer is a view that
+    draws on its `panels` and has a `__call__`, and a function that puts controls beside it; one
+    that remembers also has a `begin`, and one that can be clicked a `pick`.
     """
 
     kept: KeptFigure
+
+    def panels(self, width: float, height: float, columns: int = 1, **layout: Any) -> Any:
+        """Open the kept figure, width by height inches, and return its axes; columns: how many side
+        by side. layout: as `Figure.subplots` takes it.
+        """
+        self.kept = KeptFigure(new_figure(width, height))
+        return self.kept.figure.subplots(1, columns, **layout)
+
+    def line(self, axes: Axes, form: str = "-", **look: Any) -> Line2D:
+        """An empty line of some axes that moves; form and look as `Axes.plot` takes them."""
+        line, = axes.plot([], [], form, **look)
+        self.kept.moves(line)
+        return line
+
+    def upright(self, axes: Axes) -> Line2D:
+        """A thin upright line that moves."""
+        line = axes.axvline(0, color=COLOURS["axis"], linewidth=1)
+        self.kept.moves(line)
+        return line
 
     def __call__(self, **values: Any) -> str:
         """Show these values; return the reading."""
@@ -94,8 +126,8 @@ class FigureExplorer(widgets.VBox):
         wide = wide_enough(control.description for control in controls.values())
         for control in self.controls.values():
             control.style.description_width = wide
-        self._listen()
-        self._show()
+            control.observe(self._moved, "value")
+        self.set()
         self.image.width = view.kept.width
         # now, while the figure shows it
         self._first = Picture(view.kept.figure, self.reading)._repr_mimebundle_()
@@ -108,27 +140,27 @@ class FigureExplorer(widgets.VBox):
 
     def set(self, **values: Any) -> None:
         """Give several controls a value, and draw once."""
-        for control in self.controls.values():
-            control.unobserve(self._show, "value")
+        self._waits = True
         try:
             for name, value in values.items():
                 self.controls[name].value = value
         finally:
-            self._listen()
+            self._waits = False
         self._show()
 
-    def _listen(self) -> None:
-        for control in self.controls.values():
-            control.observe(self._show, "value")
+    def _moved(self, change: Any) -> None:
+        if not self._waits:
+            self._show()
 
     def _asked(self, values: Mapping[str, Any]) -> tuple[str, bool]:
         """What the view says of the controls' values, and whether it had something to show."""
         try:
-            return self.view(**values), True
+            with threadpool_limits(1):
+                return self.view(**values), True
         except (NoConvergence, Contact, BadInput) as error:
             return f"Nothing to show here; the last picture is left in grey. {error}", False
 
-    def _show(self, change: Any = None) -> None:
+    def _show(self) -> None:
         """Ask the view, and send its figure and its words in one message."""
         kept = self.view.kept
         reading, there = self._asked({name: c.value for name, c in self.controls.items()})
@@ -179,7 +211,7 @@ class PictureView(View):
 
     def __init__(self, draw: Callable[..., Picture]) -> None:
         self.draw = draw
-        self.kept = KeptFigure(new_figure(1, 1), ())  # until it is asked for the first time
+        self.kept = KeptFigure(new_figure(1, 1))  # until it is asked for the first time
 
     def __call__(self, **values: Any) -> str:
         """Show the picture of these values."""
@@ -209,24 +241,28 @@ def wide_enough(words: Iterable[str], more: float = 1.0) -> str:
 
 def slider(description: str, value: float, low: float, high: float, step: float,
            digits: int) -> widgets.FloatSlider:
-    """A slider in the explorers' layout, sent while it moves."""
+    """A slider in the explorers' layout, sent while it moves: its description, first value, ends
+    low and high, step, and the digits shown.
+    """
     return widgets.FloatSlider(value=value, min=low, max=high, step=step, description=description,
                                readout_format=f".{digits}f", layout=LAYOUT)
 
 
 def whole(description: str, value: int, low: int, high: int) -> widgets.IntSlider:
-    """A slider over whole numbers, in the same layout."""
+    """A slider over the whole numbers from low to high; description and value as of `slider`."""
     return widgets.IntSlider(value=value, min=low, max=high, description=description, layout=LAYOUT)
 
 
 def steps(description: str, value: int, options: list[int]) -> widgets.SelectionSlider:
-    """A slider over some numbers, in the same layout."""
+    """A slider over some numbers, the options; description and value as of `slider`."""
     return widgets.SelectionSlider(value=value, options=options, description=description,
                                    layout=LAYOUT)
 
 
 def choice(description: str, value: Any, options: list) -> widgets.ToggleButtons:
-    """Buttons of which one is down; options: words, or pairs of words and value."""
+    """Buttons of which one is down; options: words, or pairs of words and value; description and
+    value as of `slider`.
+    """
     words = [option[0] if isinstance(option, tuple) else option for option in options]
     return widgets.ToggleButtons(value=value, options=options, description=description,
                                  style={"button_width": wide_enough(words, 2.0)})

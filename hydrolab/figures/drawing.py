@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from hydrolab.dynamics.harmonics import PERIOD
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.figures.style import COLOURS
+from hydrolab.figures.style import COLOURS, plane
 from hydrolab.machine.model import Model
 
 REVOLUTION = np.linspace(0.0, 2 * np.pi, 721)
 MM, UM = 1e3, 1e6  # from metres
 RPM = math.pi / 30  # in rad/s
+PALE = "#C8C8C8"  # what something is compared with
 
 
 def draw_orbit(axes: Axes, path: NDArray, colour: Any, *, label: str = "", width: float = 2.2,
@@ -50,6 +51,21 @@ def draw_arrow(axes: Axes, path: NDArray, colour: Any, at: float = 0.6) -> None:
     axes.annotate("", xy=tip, xytext=tail, arrowprops={"arrowstyle": "-|>", "color": colour,
                                                        "mutation_scale": 17,
                                                        "shrinkA": 0, "shrinkB": 0})
+
+
+def about_mean(orbit: PeriodicOrbit) -> NDArray:
+    """One revolution of an orbit about its mean, µm, (2, 721)."""
+    return UM * (orbit.positions(REVOLUTION) - orbit.mean[:, None])
+
+
+def close_up(axes: Axes, title: str, path: NDArray, label: str, reach: float) -> None:
+    """A plane with a title that reaches so far, µm, and in wide grey, with a label, the path (2, n)
+    that another is compared with.
+    """
+    plane(axes, title)
+    axes.set(xlabel="x, µm", ylabel="z, µm", adjustable="box", xlim=(-reach, reach),
+             ylim=(-reach, reach))
+    axes.plot(*path, color=PALE, linewidth=7, label=label)
 
 
 def contact_line(model: Model, count: int = 181) -> NDArray:
