@@ -8,10 +8,10 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.batch import update_branch
-from hydrolab.dynamics.branches import Arclength, follow, orbits_at, sweep
+from hydrolab.dynamics.branches import branch_stability, orbits_at, stable_orbits_at
 from hydrolab.dynamics.ensemble import basins
 from hydrolab.dynamics.escape import arrivals, integrity
+from hydrolab.dynamics.following import Arclength, follow, sweep, update_branch
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import ellipse, self_crossings
 from hydrolab.dynamics.integrate import CentralDifference, Newmark, RungeKutta, integrate
@@ -20,7 +20,7 @@ from hydrolab.dynamics.modes import campbell, critical_speeds, modes
 from hydrolab.dynamics.reduction import reduce, truncation_error
 from hydrolab.dynamics.slow_change import drift, poincare, sweep_in_time
 from hydrolab.dynamics.solvers import newton, powell_dog_leg
-from hydrolab.dynamics.stability import branch_stability, floquet, stable_orbits_at
+from hydrolab.dynamics.stability import floquet
 from hydrolab.dynamics.steady_states import branch_off, steady_states
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.cards import card_names, card_text, load_machine, vary

@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 
 from hydrolab import Arclength, floquet, follow, load_machine, rpm
 from hydrolab.course.answers import Exercise, Mistake
-from hydrolab.dynamics.branches import arclength, locate_fold
+from hydrolab.dynamics.branches import Branch
+from hydrolab.dynamics.continuation import arclength, locate_fold
 from hydrolab.dynamics.ensemble import split
-from hydrolab.dynamics.results import Branch
 from hydrolab.dynamics.stability import strang_product
 from hydrolab.machine.model import Model
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from hydrolab import HarmonicBalance, follow, load_machine
 from hydrolab.course.answers import Exercise, Mistake
-from hydrolab.dynamics.results import Branch, PeriodicOrbit
+from hydrolab.dynamics.branches import Branch
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.machine.model import Model
 
 READINGS = ("1X", "2X", "ratio of axes", "mean")

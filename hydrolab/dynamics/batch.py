@@ -17,16 +17,11 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.branches import Arclength, Path, follow, path
-from hydrolab.dynamics.continuation import Step, locate_fold
 from hydrolab.dynamics.harmonic_balance import BALANCED, Condensed
 from hydrolab.dynamics.harmonics import fourier_rows
-from hydrolab.dynamics.results import Branch, SpecialPoint, require
 from hydrolab.dynamics.solvers import QUADRATIC
-from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.machine.model import Model
+from hydrolab.errors import BadInput
 from hydrolab.machine.pull import CircularPull
-from hydrolab.machine.quantities import require_model
 
 
 class Outcome(IntEnum):
@@ -212,120 +207,3 @@ def solve_each(matrices: NDArray, right: NDArray) -> NDArray:
             with contextlib.suppress(np.linalg.LinAlgError):
                 out[i] = np.linalg.solve(matrix, r)
         return out
-
-
-MOVED = "It was moved along with the model from a branch followed before."
-STRETCH = 3.0  # neighbouring points may come closer or move apart by this factor
-
-
-def update_branch(branch: Branch, model: Model, speed: float | None = None) -> Branch:
-    """The branch of a model near the one it was followed on, by one batched bordered Newton from
-    the old points.
-
-    model: the changed one. speed: rad/s; by default that of the branch. Every point is corrected
-    within the plane normal to the old branch, the first one at its own eccentricity, and the folds
-    are located anew. Where the branch changes its topology, a point is lost or the gap is not
-    round, it is followed from scratch, up to half the gap. Raises BadInput for what is no branch
-    along the static eccentricity, and what `follow` raises where nothing is left to follow.
-    """
-    require("branch", branch, Branch)
-    require_model(model)
-    speed = branch.equations.speed if speed is None else speed
-    if branch.parameter != "static_eccentricity":
-        raise BadInput(f"the branch runs along {branch.parameter}; only branches along "
-                       "static_eccentricity can be moved.")
-    if not isinstance(branch.method, Arclength):  # a sweep, which knows no steps along a branch
-        branch = replace(branch, method=Arclength(branch.method))
-    along = path(model, "static_eccentricity", branch.path.balance, speed, branch.path.first,
-                 branch.path.here.direction)
-    moved = _moved(branch, along) if type(model.law) is CircularPull and len(branch) > 1 else None
-    return _afresh(branch, along) if moved is None else moved
-
-
-def _moved(branch: Branch, along: Path) -> Branch | None:
-    """The branch with its points moved onto another path; None where it is another curve there."""
-    eq = along.here.equations
-    unit = branch.direction * eq.model.gap
-    old = np.column_stack([branch.unknowns, branch.static_eccentricity])
-    corrected = _correct_together(stack([eq]).take(np.zeros(len(branch), dtype=int)), old,
-                                  _normals(old), unit / eq.length, unit)
-    if corrected is None:
-        return None
-    z, tangents, residuals = corrected
-    turns = np.flatnonzero(tangents[:-1, -1] * tangents[1:, -1] < 0)
-    if not _same_shape(branch, old, z, tangents, turns):
-        return None
-    system, folds = along.system(), []
-    for i in turns:
-        before, after = (Step(z[j, :-1], z[j, -1], tangents[j], residuals[j], 0)
-                         for j in (i, i + 1))
-        fold = locate_fold(system, before, after)
-        folds.append(SpecialPoint("fold", fold.parameter, int(i), fold.y,
-                                  along.say(fold.parameter, 8)))
-    return Branch(along, z[:, -1], z[:, :-1], residuals * eq.force, tuple(folds), MOVED,
-                  branch.method, branch.closed)
-
-
-def _afresh(branch: Branch, along: Path) -> Branch:
-    """The branch followed from scratch along another path."""
-    eq, first, direction = along.here.equations, along.first, along.here.direction
-    start = None
-    with contextlib.suppress(NoConvergence, Contact, BadInput):
-        start = along.balance.solve(eq.model, eq.speed, first, direction=direction,
-                                    start=branch[0])
-    to = float(np.copysign(0.5, np.diff(branch.values[:2]).sum()))  # also from a lone point
-    return follow(eq.model, speed=eq.speed, to=to, method=cast(Arclength, branch.method),
-                  static_eccentricity=first, direction=direction, start=start)
-
-
-def _normals(z: NDArray) -> NDArray:
-    """Unit directions along the branch at each point, from its neighbours; at the first point the
-    parameter's own.
-    """
-    along = np.gradient(z, axis=0)
-    along[0] = 0.0
-    along[0, -1] = 1.0
-    return along / np.linalg.norm(along, axis=1)[:, None]
-
-
-def _correct_together(batch: Batch, old: NDArray, normals: NDArray, offset: NDArray, unit: NDArray,
-                      tolerance: float = 1e-9,
-                      max_steps: int = 6) -> tuple[NDArray, NDArray, NDArray] | None:
-    """Points on the new branch (P, n + 1), their unit tangents and residuals; None if one does not
-    settle.
-
-    unit: change of the stator's centre with the eccentricity, m, (2,); offset: the same, scaled.
-    """
-    points, n = old.shape[0], old.shape[1] - 1
-    z, bordered = old.copy(), np.empty((points, n + 1, n + 1))
-    bordered[:, n] = normals
-    right = np.zeros((points, n + 1, 2))
-    right[:, n, 1] = 1.0
-    for _ in range(max_steps):
-        residual, bordered[:, :n, :n], pull = batch.linearise(z[:, :n], z[:, n:] * unit)
-        # to move the stator is to move the mean the other way, for the pull alone
-        bordered[:, :n, n] = pull[:, :, 0] * offset[0] + pull[:, :, n // 2] * offset[1]
-        right[:, :n, 0] = residual
-        right[:, n, 0] = np.einsum("pi,pi->p", normals, z - old)
-        if not np.isfinite(residual).all():
-            return None
-        answer = np.linalg.solve(bordered, right)
-        size = np.linalg.norm(residual, axis=1)
-        if size.max() < tolerance:
-            tangents = answer[:, :, 1]
-            return z, tangents / np.linalg.norm(tangents, axis=1)[:, None], size
-        z -= answer[:, :, 0]
-    return None
-
-
-def _same_shape(branch: Branch, old: NDArray, z: NDArray, tangents: NDArray,
-                turns: NDArray) -> bool:
-    """Whether the moved points still draw the same curve: in order, evenly spaced, with as many
-    folds.
-    """
-    before, after = np.diff(old, axis=0), np.diff(z, axis=0)
-    stretch = np.linalg.norm(after, axis=1) / np.linalg.norm(before, axis=1)
-    same_way = np.sign(np.einsum("pi,pi->p", before, after))
-    onward = same_way * np.einsum("pi,pi->p", after, tangents[:-1])
-    even = (stretch < STRETCH) & (stretch > 1 / STRETCH) & (onward > 0)
-    return len(turns) == len(branch.folds) and bool(even.all())

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binomtest
 
-from hydrolab.dynamics.branches import orbits_at
+from hydrolab.dynamics.branches import Branch, SpecialPoint, orbits_at, stable_orbits_at
 from hydrolab.dynamics.ensemble import (
     CONTACT,
     OTHER,
@@ -29,8 +29,7 @@ from hydrolab.dynamics.ensemble import (
     split_for,
     starts,
 )
-from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
-from hydrolab.dynamics.stability import stable_orbits_at
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
 from hydrolab.machine.quantities import number, whole
 

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.batch import Outcome, newton_batch, stack
-from hydrolab.dynamics.branches import Arclength, follow
+from hydrolab.dynamics.following import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import amplitudes, long_axis
 from hydrolab.dynamics.results import clearances

@@ -6,7 +6,6 @@ Amplitudes are 0-to-peak. Coefficients are those of `hydrolab.dynamics.harmonics
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -30,8 +29,7 @@ from hydrolab.machine.model import Model
 from hydrolab.machine.quantities import shown
 
 if TYPE_CHECKING:
-    from hydrolab.dynamics.branches import Arclength, Path
-    from hydrolab.dynamics.harmonic_balance import Condensed, HarmonicBalance
+    from hydrolab.dynamics.harmonic_balance import Condensed
     from hydrolab.dynamics.integrate import Integrator
 
 
@@ -301,156 +299,3 @@ def clearances(eq: Condensed, local: NDArray, centres: NDArray) -> NDArray:
     place = eq.model.relative(place, centres.T[:, :, None])
     return np.broadcast_to(eq.model.law.smallest_gap(place, eq.revolutions * PERIOD),
                            (len(local), len(PERIOD)))
-
-
-@dataclass(frozen=True, eq=False)
-class SpecialPoint:
-    """A located point of a branch: its kind, the parameter's value there, and after which row it
-    lies.
-
-    unknowns: Y/length there. said: the value in words, with its unit.
-    """
-
-    kind: str
-    value: float
-    after: int
-    unknowns: NDArray
-    said: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.kind} at {self.said or f'{self.value:.6g}'}"
-
-
-@dataclass(frozen=True, eq=False)
-class Branch:
-    """Steady states in the order in which they were followed.
-
-    path: the parameter followed, and the equations at any of its values. values: of the parameter,
-    shape (points,). unknowns: Y/length of each point, (points, c(2m + 1)); `local` has them in
-    metres. residuals: N. special_points: folds, located. stopped: why it ends, in words. method:
-    how it was made. closed: whether the last point is back at the first.
-    """
-
-    path: Path
-    values: NDArray
-    unknowns: NDArray
-    residuals: NDArray
-    special_points: tuple[SpecialPoint, ...]
-    stopped: str
-    method: Arclength | HarmonicBalance
-    closed: bool = False
-
-    def __len__(self) -> int:
-        return len(self.values)
-
-    def __getitem__(self, index: int) -> PeriodicOrbit:
-        if not isinstance(index, int | np.integer):
-            raise BadInput(f"index is {shown(index)}; a branch gives one steady state at a time, "
-                           "branch[3]. Several are [branch[k] for k in range(1, 3)].")
-        return self.orbit(float(self.values[index]), self.unknowns[index],
-                          float(self.residuals[index]))
-
-    def __iter__(self) -> Iterator[PeriodicOrbit]:
-        return (self[i] for i in range(len(self)))
-
-    def orbit(self, value: float, unknowns: NDArray, residual: float) -> PeriodicOrbit:
-        """The orbit with these unknowns at a value of the parameter."""
-        problem = self.path.at(value)
-        eq = problem.equations
-        local = eq.length * unknowns.reshape(len(eq.linear), -1)
-        return PeriodicOrbit(eq, problem.static_eccentricity, problem.centre, local, residual)
-
-    @property
-    def parameter(self) -> str:
-        """Name of the parameter followed."""
-        return self.path.parameter
-
-    @cached_property
-    def equations(self) -> Condensed:
-        """The condensed equations at the first point (at every point, if the parameter only moves
-        the stator).
-        """
-        return self.path.at(float(self.values[0])).equations
-
-    @cached_property
-    def direction(self) -> NDArray:
-        """Unit vector (x, z) of the stator's offset at the first point."""
-        angle = self.path.at(float(self.values[0])).direction
-        return np.array([math.sin(angle), math.cos(angle)])
-
-    @cached_property
-    def static_eccentricity(self) -> NDArray:
-        """Static eccentricity of each point, fraction of the gap, shape (points,)."""
-        if self.parameter == "static_eccentricity":
-            return self.values
-        return np.full(len(self), self.path.at(float(self.values[0])).static_eccentricity)
-
-    @cached_property
-    def centres(self) -> NDArray:
-        """Stator centre at each point, m, shape (points, 2)."""
-        still = self.parameter in ("speed", "field", "unbalance")
-        values = self.values[:1] if still else self.values
-        return np.broadcast_to([self.path.at(float(value)).centre for value in values],
-                               (len(self), 2))
-
-    @property
-    def folds(self) -> tuple[SpecialPoint, ...]:
-        """The folds in the order met."""
-        return tuple(p for p in self.special_points if p.kind == "fold")
-
-    def at_fold(self, number: int = 0) -> PeriodicOrbit:
-        """The steady state at a fold (0 is the first).
-
-        Raises BadInput where the branch has no such fold.
-        """
-        if not -len(self.folds) <= number < len(self.folds):
-            raise BadInput(f"number is {number}; this branch has {len(self.folds) or 'no'} fold"
-                           f"{'s' * (len(self.folds) != 1)}, counted from 0. {self.stopped}")
-        fold = self.folds[number]
-        problem = self.path.at(fold.value)
-        eq = problem.equations
-        residual = eq.newtons(eq.residual(fold.unknowns, problem.centre))
-        return self.orbit(fold.value, fold.unknowns, residual)
-
-    @property
-    def first_leg(self) -> slice:
-        """Rows from the start up to the first fold (all rows if there is none)."""
-        return slice(0, self.folds[0].after + 1 if self.folds else len(self))
-
-    @cached_property
-    def local(self) -> NDArray:
-        """[mean, sin 1, cos 1, …] of all c nonlinear coordinates at every point, m or rad, shape
-        (points, c, 2m + 1); the generator's x and z are first.
-        """
-        eq = self.equations
-        return eq.length * self.unknowns.reshape(len(self), len(eq.linear), -1)
-
-    @property
-    def coefficients(self) -> NDArray:
-        """[mean, sin 1, cos 1, …] of the generator centre at every point, m, shape (points, 2, 2m +
-        1).
-        """
-        return self.local[:, :2]
-
-    @cached_property
-    def smallest_gaps(self) -> NDArray:
-        """Smallest air gap over the period and the circumference at every point, m, shape
-        (points,).
-        """
-        if self.parameter in ("static_eccentricity", "direction"):
-            eq, many = self.equations, range(0, len(self), 16)  # at once: laws may need the memory
-            return np.concatenate([clearances(eq, self.local[i:i + 16], self.centres[i:i + 16])
-                                   .min(axis=1) for i in many])
-        return np.array([orbit.smallest_gap for orbit in self])
-
-    @cached_property
-    def amplitudes(self) -> NDArray:
-        """√(A_k² + B_k²) of x and z at every point, m 0-to-peak, shape (points, 2, m)."""
-        return amplitudes(self.coefficients)
-
-    def __str__(self) -> str:
-        say = self.path.say
-        folds = ", ".join(say(f.value, 5) for f in self.folds) or "none"
-        return (f"Branch of {self.equations.model.name} along {self.parameter}, {len(self)} points "
-                f"from {say(self.values[0])} to {say(self.values[-1])}; folds: {folds}. "
-                f"{self.stopped}")

@@ -22,21 +22,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
-from itertools import pairwise
+from functools import partial
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
-from scipy.optimize import brentq, linear_sum_assignment
+from scipy.optimize import linear_sum_assignment
 
 from hydrolab.dynamics.batch import Outcome, newton_batch, stack
-from hydrolab.dynamics.branches import orbits_at
-from hydrolab.dynamics.continuation import correct
 from hydrolab.dynamics.ensemble import Split, flows, split
 from hydrolab.dynamics.harmonic_balance import Condensed, condense
 from hydrolab.dynamics.harmonics import fourier_rows, rate_rows
-from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.solvers import newton
 from hydrolab.dynamics.winding import (
     Disturbance,
@@ -49,7 +46,7 @@ from hydrolab.dynamics.winding import (
     roots,
     twins,
 )
-from hydrolab.errors import BadInput, NoConvergence
+from hydrolab.errors import BadInput
 from hydrolab.machine.pull import CircularPull
 
 NEAR = 0.9
@@ -165,15 +162,12 @@ FADED = 1e-12  # what decays faster in a period is not followed
 SOLVED = 1e-9  # to which an orbit is solved, and no multiplier is known better
 SLOW = 0.5  # least share of the largest multiplier at which a mode outside the basis is followed
 SEEN = 1e-2  # a linear mode this near, relatively, to one of the start's basis is in it
-CROSSING = 1e-8  # of the distance between two points: how closely a crossing is located
 # harmonics of the disturbance, and factor on those of the orbit, in each look; the look is compared
 # with another of twice both
 LOOKS = ((4, 1), (8, 2), (16, 4))
 FINE = 16  # harmonics of the disturbance where a crossing is located
 # harmonics beyond which a finer orbit takes no more: they cost memory with their third power
 ENOUGH = 64
-
-
 
 
 @dataclass(frozen=True, eq=False)
@@ -388,6 +382,18 @@ def _leading(groups: Sequence[NDArray], step: float) -> NDArray:
     return out
 
 
+def leading(orbit: PeriodicOrbit, modes: int = MODES) -> NDArray:
+    """The leading multipliers of the whole machine around an orbit as it is, largest first, (m,).
+
+    modes: of the start.
+    """
+    eq, local, centre = orbit.equations, orbit.local[None], orbit.centre[None]
+    d = disturbance(eq, local, centre, FINE, *background(eq, local, centre))
+    start = _believed(d, *_start(eq, local, centre, modes, STEPS))
+    values = np.exp(2 * np.pi / d.step * roots(d, _leading(start, d.step))[0])
+    return _largest_first(values, values)[0]
+
+
 def _largest_first(values: NDArray, more: NDArray) -> tuple[NDArray, NDArray]:
     """Multipliers, each with its conjugate, largest first, and what belongs to each."""
     known = np.isfinite(values)
@@ -421,113 +427,3 @@ def _with_harmonics(eq: Condensed, local: NDArray, centres: NDArray,
         y, found = np.array([s.y for s in solutions]), np.array([s.converged for s in solutions])
     near = np.abs(y - start).max(axis=1) < 0.05  # not another orbit
     return richer, richer.length * y.reshape(*local.shape[:2], -1), found & near
-
-
-@dataclass(frozen=True, eq=False)
-class BranchStability:
-    """The stability of every point of a branch, and where it changes.
-
-    points: one `Floquet` for each row of the branch. crossings: flips and Neimark–Sacker points
-    located on the branch (folds are the branch's own), the latter with the multiplier's angle from
-    the positive real axis in `kind`.
-    """
-
-    points: tuple[Floquet, ...]
-    crossings: tuple[SpecialPoint, ...]
-
-    @property
-    def verdicts(self) -> tuple[str, ...]:
-        """"stable", "unstable" or "unknown" for each point."""
-        return tuple(p.verdict for p in self.points)
-
-    @property
-    def flips(self) -> tuple[SpecialPoint, ...]:
-        """Where a multiplier crosses −1, in the order met."""
-        return tuple(c for c in self.crossings if c.kind == "flip")
-
-    @property
-    def neimark_sackers(self) -> tuple[SpecialPoint, ...]:
-        """Where a complex pair crosses the unit circle, in the order met."""
-        return tuple(c for c in self.crossings if c.kind != "flip")
-
-    def __str__(self) -> str:
-        counts = ", ".join(f"{self.verdicts.count(v)} {v}"
-                           for v in ("stable", "unstable", "unknown"))
-        where = "; ".join(str(c) for c in self.crossings) or "none"
-        quick = " at a quick look" if any(p.how == "quick" for p in self.points) else ""
-        return (f"{counts} of {len(self.points)} points{quick}; stability changes away from folds: "
-                f"{where}")
-
-
-def branch_stability(branch: Branch, modes: int = MODES, steps: int = STEPS, *,
-                     quick: bool = False, locate: bool = True) -> BranchStability:
-    """Floquet multipliers of every point of a branch in one batch, and where stability changes
-    between them.
-
-    modes, steps, quick: as in `floquet_all`. locate: find flips and Neimark–Sacker points where the
-    number of multipliers outside the unit circle changes. Raises BadInput for what is no branch.
-    """
-    if not isinstance(branch, Branch):
-        raise BadInput(f"branch is a {type(branch).__name__}; it must be a Branch, as `follow` "
-                       "returns it. A single steady state has floquet(orbit).")
-    points = floquet_all(list(branch), modes, steps, quick=quick)
-    if not locate:
-        return BranchStability(tuple(points), ())
-    folds = {fold.after for fold in branch.folds}
-    crossings = []
-    for i, (a, b) in enumerate(pairwise(points)):
-        few, many = sorted((a.outside, b.outside))
-        if "unknown" not in (a.verdict, b.verdict) and many - few > (i in folds):
-            crossings += _locate(branch, i, range(few, many), modes)
-    return BranchStability(tuple(points), tuple(crossings))
-
-
-def _locate(branch: Branch, i: int, places: range, modes: int) -> list[SpecialPoint]:
-    """Where between rows i and i + 1 the multipliers at these places, by size, cross the unit
-    circle away from a fold.
-    """
-    scale, system = branch.path.scale, branch.path.system()
-    first, last = (np.append(branch.unknowns[j], branch.values[j] / scale) for j in (i, i + 1))
-    length = float(np.linalg.norm(last - first))
-    along = (last - first) / length
-
-    @cache
-    def at(s: float) -> tuple[NDArray, NDArray]:
-        """A point of the branch between the two, and its multipliers."""
-        step = correct(system, first + s * along, along)
-        if step is None:
-            raise NoConvergence(f"The branch was lost between its points {i} and {i + 1}; use a "
-                                "smaller `max_step`.")
-        problem = branch.path.at(step.parameter * scale)
-        eq, centre = problem.equations, problem.centre[None]
-        local = step.y.reshape(1, len(eq.linear), -1) * eq.length
-        start = _start(eq, local, centre, modes, STEPS)
-        d = disturbance(eq, local, centre, FINE, *background(eq, local, centre))
-        exponents = roots(d, _leading(_believed(d, *start), d.step))[0]
-        values = np.exp(2 * np.pi / d.step * exponents)
-        return np.append(step.y, step.parameter), _largest_first(values, values)[0]
-
-    def margin(s: float, place: int) -> float:
-        return float(abs(at(s)[1][place])) - 1
-
-    found: list[SpecialPoint] = []
-    for place in places:
-        if not margin(0.0, place) * margin(length, place) < 0:
-            continue  # not so when looked at more finely
-        point, values = at(brentq(margin, 0.0, length, args=(place,), xtol=CROSSING * length))
-        mu = values[place]
-        real = abs(mu.imag) < 1e-6
-        if (real and mu.real > 0) or any(abs(p.value - point[-1] * scale) < 10 * CROSSING * scale
-                                         for p in found):
-            continue  # a fold, which the branch has; or the other of a pair
-        angle = math.degrees(abs(np.angle(mu)))
-        kind = "flip" if real else f"Neimark–Sacker, {angle:.1f}° a revolution,"
-        value = float(point[-1]) * scale
-        found.append(SpecialPoint(kind, value, i, point[:-1], branch.path.say(value, 5)))
-    return found
-
-
-def stable_orbits_at(branch: Branch, static_eccentricity: float) -> list[PeriodicOrbit]:
-    """The stable steady states of a branch at one eccentricity."""
-    orbits = orbits_at(branch, static_eccentricity)
-    return [o for o, f in zip(orbits, floquet_all(orbits), strict=True) if f.verdict == "stable"]

@@ -19,13 +19,19 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from hydrolab.dynamics.branches import Arclength, follow, orbits_at, walk
+from hydrolab.dynamics.branches import (
+    Branch,
+    BranchStability,
+    SpecialPoint,
+    orbits_at,
+)
 from hydrolab.dynamics.continuation import correct
+from hydrolab.dynamics.following import Arclength, follow, walk
 from hydrolab.dynamics.harmonic_balance import Condensed, HarmonicBalance, first_guess
 from hydrolab.dynamics.harmonics import from_complex, to_complex
-from hydrolab.dynamics.results import Branch, PeriodicOrbit, SpecialPoint
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.solvers import System, newton
-from hydrolab.dynamics.stability import BranchStability, Floquet, branch_stability, floquet_all
+from hydrolab.dynamics.stability import Floquet, floquet_all
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.model import Model
 from hydrolab.machine.quantities import number, whole
@@ -41,7 +47,7 @@ def branch_off(branch: Branch, point: SpecialPoint, *,
                method: Arclength | None = None) -> tuple[Branch, BranchStability]:
     """The branch of motions of twice the period that begins in a flip, and its stability.
 
-    branch: on which the flip lies. point: the flip, one of `branch_stability(branch).flips`.
+    branch: on which the flip lies. point: the flip, one of `branch.flips`.
     method: step sizes and limits; its harmonic balance is replaced by one of twice the harmonics of
     the branch in twice the period. The branch begins in the flip, with its `special_points` and
     ends in another flip, where the two halves of the motion become the same, at contact or closed.
@@ -77,7 +83,7 @@ def branch_off(branch: Branch, point: SpecialPoint, *,
     half = walk(replace(along, first=first), start, onward, method, until=lambda a, b: bool(
         a.y[odd] @ b.y[odd] < 0))
     found = _from_flip_to_flip(replace(half, path=along), odd, point, y)
-    return found, branch_stability(found)
+    return found, found.stability
 
 
 def _odd(eq: Condensed) -> NDArray:
@@ -287,12 +293,13 @@ class _Search:
                                        revolutions=q // 2))
         branch = follow(self.model, to=math.copysign(0.99, self.eccentricity), speed=self.speed,
                         direction=self.direction, method=half)
-        flips, new = [c for c in branch_stability(branch).crossings if c.kind == "flip"], 0
-        for flip in flips:
+        new = 0
+        for flip in branch.flips:
             with suppress(NoConvergence):
                 new += self.add(orbits_at(branch_off(branch, flip, method=half)[0],
                                           self.eccentricity))
-        return (f"the branches that leave {len(flips)} flips of the branch through 0 % find {new}")
+        return (f"the branches that leave {len(branch.flips)} flips of the branch through 0 % find "
+                f"{new}")
 
     def deflated(self, starts: int, random: np.random.Generator) -> str:
         """Newton's method from random starts, with what is known divided out."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.branches import follow, orbits_at
+from hydrolab.dynamics.branches import orbits_at
+from hydrolab.dynamics.following import follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.errors import BadInput
 from hydrolab.explorers.widget import FigureExplorer, View, at_work, steps, whole

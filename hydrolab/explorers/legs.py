@@ -12,9 +12,10 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from hydrolab.dynamics.branches import Arclength, follow, orbits_at
-from hydrolab.dynamics.results import Branch, PeriodicOrbit
-from hydrolab.dynamics.stability import Floquet, branch_stability
+from hydrolab.dynamics.branches import Branch, branch_stability, orbits_at
+from hydrolab.dynamics.following import Arclength, follow
+from hydrolab.dynamics.results import PeriodicOrbit
+from hydrolab.dynamics.stability import Floquet
 from hydrolab.errors import BadInput
 from hydrolab.figures.drawing import UM, nearest
 from hydrolab.figures.orbits import curve, stretches

@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from hydrolab.dynamics.batch import update_branch
 from hydrolab.dynamics.branches import orbits_at
+from hydrolab.dynamics.following import update_branch
 from hydrolab.dynamics.harmonics import synthesise
 from hydrolab.dynamics.results import PeriodicOrbit, clearances
 from hydrolab.dynamics.stability import floquet_all

@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
+from hydrolab.dynamics.branches import Branch
 from hydrolab.dynamics.ensemble import CONTACT, OTHER, Basins
 from hydrolab.dynamics.escape import Integrity
-from hydrolab.dynamics.results import Branch
 from hydrolab.dynamics.slow_change import Passage
 from hydrolab.dynamics.stability import Floquet
 from hydrolab.errors import BadInput

@@ -13,7 +13,8 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from hydrolab.dynamics.results import Branch, PeriodicOrbit
+from hydrolab.dynamics.branches import Branch
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.stability import Floquet
 from hydrolab.figures.drawing import (
     MM,

@@ -13,9 +13,10 @@ from itertools import groupby, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from hydrolab.dynamics.branches import Branch
 from hydrolab.dynamics.harmonics import PERIOD, ellipse, largest_vibration
 from hydrolab.dynamics.modes import Modes
-from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory
+from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
 from hydrolab.dynamics.stability import Floquet
 
 

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from viser import ViserServer
 
+from hydrolab.dynamics.branches import Branch
 from hydrolab.dynamics.harmonic_balance import Condensed
-from hydrolab.dynamics.results import Branch, PeriodicOrbit
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
 from hydrolab.figures.readings import reading
 from hydrolab.live.panel import Controls

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 from threadpoolctl import threadpool_limits
 
-from hydrolab.dynamics.batch import update_branch
+from hydrolab.dynamics.branches import Branch, branch_stability
+from hydrolab.dynamics.following import update_branch
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
-from hydrolab.dynamics.results import Branch, PeriodicOrbit
-from hydrolab.dynamics.stability import branch_stability
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.explorers.legs import Legs, legs_of
 from hydrolab.figures.readings import percent

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from hydrolab.dynamics.results import Branch, PeriodicOrbit
+from hydrolab.dynamics.branches import Branch
+from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
 from hydrolab.figures.readings import reading
 from hydrolab.machine.parts import Machine

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from viser import ViserServer
 
+from hydrolab.dynamics.branches import Branch
 from hydrolab.dynamics.harmonics import PERIOD
-from hydrolab.dynamics.results import Branch
 from hydrolab.errors import BadInput
 from hydrolab.figures.readings import reading
 from hydrolab.live.bodies import Parts, orbit_colours, sizes_of

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.stats import qmc
 
-from hydrolab.dynamics.branches import Arclength, follow
+from hydrolab.dynamics.following import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import condense
 from hydrolab.dynamics.harmonics import to_complex
 from hydrolab.errors import BadInput, Contact, NoConvergence

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.branches import Arclength, follow
+from hydrolab.dynamics.following import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import ellipse, largest_vibration, self_crossings
 from hydrolab.dynamics.results import PeriodicOrbit

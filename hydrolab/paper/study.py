@@ -16,14 +16,15 @@ from functools import cached_property
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from hydrolab.dynamics.branches import Arclength, follow, orbits_at, sweep
+from hydrolab.dynamics.branches import Branch, branch_stability, orbits_at
+from hydrolab.dynamics.following import Arclength, follow, sweep
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import fourier_rows
 from hydrolab.dynamics.integrate import CentralDifference, integrate
 from hydrolab.dynamics.reduction import reduce, truncation_error
-from hydrolab.dynamics.results import Branch, PeriodicOrbit, Trajectory
+from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
 from hydrolab.dynamics.solvers import powell_dog_leg
-from hydrolab.dynamics.stability import Floquet, branch_stability, floquet_all
+from hydrolab.dynamics.stability import Floquet, floquet_all
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.elements import shaft_element
 from hydrolab.machine.model import Model

@@ -21,9 +21,10 @@ from hydrolab import (
     stable_orbits_at,
 )
 from hydrolab.dynamics import stability
-from hydrolab.dynamics.branches import Arclength
+from hydrolab.dynamics.branches import BranchStability
 from hydrolab.dynamics.ensemble import split
-from hydrolab.dynamics.stability import BranchStability, floquet_all, moved, multipliers
+from hydrolab.dynamics.following import Arclength
+from hydrolab.dynamics.stability import floquet_all, moved, multipliers
 from hydrolab.errors import NoConvergence
 
 
@@ -39,7 +40,7 @@ def branch(shipped, speed):
 
 @pytest.fixture(scope="module")
 def judged(branch):
-    return branch_stability(branch)
+    return branch.stability
 
 
 def linear_part(model, speed):
@@ -205,6 +206,7 @@ def test_folds_do_not_move_with_the_harmonics(shipped, speed, branch):
 def test_crossings_are_where_dop853_sees_them(branch, judged):
     kinds = [c.kind.split(",")[0] for c in judged.crossings]
     assert kinds == ["flip"] * 4 + ["Neimark–Sacker"]
+    assert (*branch.flips, *branch.neimark_sackers) == judged.crossings
     for crossing in judged.crossings:
         orbit = branch.orbit(crossing.value, crossing.unknowns, 0.0)
         mu = by_dop853(orbit, 10)

@@ -11,7 +11,8 @@ import pytest
 from scipy.optimize import brentq, root
 
 from hydrolab import HarmonicBalance, follow, orbits_at, sweep
-from hydrolab.dynamics.branches import Arclength, arclength, correct, locate_fold
+from hydrolab.dynamics.continuation import arclength, correct, locate_fold
+from hydrolab.dynamics.following import Arclength
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.pull import CircularPull, LinearPull
 

@@ -146,7 +146,7 @@ def test_dop853_from_rest_ends_on_the_orbit(peer, speed):
 
 @pytest.mark.parametrize("harmonics", [4, 6, 8, 12])
 def test_peer_fold(peer, speed, harmonics):
-    from hydrolab.dynamics.branches import Arclength
+    from hydrolab.dynamics.following import Arclength
     method = Arclength(HarmonicBalance(harmonics), max_folds=1, tail=0)
     (fold,) = follow(peer, to=0.2, speed=speed, method=method).folds
     assert fold.value == pytest.approx(0.078325643, abs=1e-8)  # AUTO-07p: 0.078325643218

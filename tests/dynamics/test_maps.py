@@ -27,7 +27,7 @@ from hydrolab import (  # noqa: E402
 )
 from hydrolab.dynamics import maps as maps_module  # noqa: E402
 from hydrolab.dynamics.batch import Outcome  # noqa: E402
-from hydrolab.dynamics.branches import Arclength  # noqa: E402
+from hydrolab.dynamics.following import Arclength  # noqa: E402
 from hydrolab.dynamics.maps import READINGS, fingerprint, steady_row  # noqa: E402
 from hydrolab.errors import BadInput  # noqa: E402
 from hydrolab.machine import Crack, JournalFilm, PadBearing  # noqa: E402

@@ -11,8 +11,9 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from hydrolab import HarmonicBalance, follow, load_machine, orbits_at, rpm, vary
-from hydrolab.dynamics.branches import Arclength, path
 from hydrolab.dynamics.continuation import arclength
+from hydrolab.dynamics.following import Arclength
+from hydrolab.dynamics.paths import path
 from hydrolab.errors import BadInput
 
 PARAMETERS = ("static_eccentricity", "direction", "speed", "field", "unbalance",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hydrolab import HarmonicBalance, follow, rpm
-from hydrolab.dynamics.branches import Arclength
+from hydrolab.dynamics.following import Arclength
 from hydrolab.machine.model import Model
 from hydrolab.machine.pull import CircularPull
 

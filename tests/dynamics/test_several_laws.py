@@ -152,7 +152,7 @@ def test_a_branch_with_two_laws(machine, speed):
 
 @pytest.mark.parametrize("parameter", ["speed", "field", "unbalance"])
 def test_slopes_of_paths(machine, speed, parameter):
-    from hydrolab.dynamics.branches import path
+    from hydrolab.dynamics.paths import path
 
     along = path(machine, parameter, HarmonicBalance(5), speed, 0.05, np.pi / 2)
     system, scaled = along.system(), along.first / along.scale

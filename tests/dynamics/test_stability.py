@@ -20,7 +20,7 @@ from hydrolab import (
     reduce,
     rpm,
 )
-from hydrolab.dynamics.branches import Arclength
+from hydrolab.dynamics.following import Arclength
 from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput
 from hydrolab.machine.pull import CircularPull

@@ -9,7 +9,6 @@ from hydrolab import (
     Arclength,
     HarmonicBalance,
     branch_off,
-    branch_stability,
     floquet,
     follow,
     load_machine,
@@ -36,7 +35,7 @@ def branch(shipped, speed):
 
 @pytest.fixture(scope="module")
 def flips(branch):
-    return [c for c in branch_stability(branch).crossings if c.kind == "flip"]
+    return branch.flips
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +90,7 @@ def test_along_the_field_too(shipped, branch, speed):
     start = orbits_at(branch, 0.082)[2]
     along = follow(shipped, "field", to=0.9, speed=speed, start=start,
                    method=Arclength(HarmonicBalance(8), max_folds=1, tail=0))
-    flip = next(c for c in branch_stability(along).crossings if c.kind == "flip")
+    flip = along.flips[0]
     found, stability = branch_off(along, flip)
     assert found.parameter == "field"
     assert found.values[0] == flip.value
@@ -106,7 +105,7 @@ def test_a_torus_beyond_a_neimark_sacker_point(make_jeffcott, speed):
     """Its rotation number begins as the angle of the multipliers, its size as a square root."""
     model = make_jeffcott(stiffness=3.8e8, radius=8e-4).model()
     leg = follow(model, to=0.3, speed=speed, method=Arclength(HarmonicBalance(8), max_folds=2))
-    point = next(c for c in branch_stability(leg).crossings if c.kind.startswith("Neimark"))
+    point = leg.neimark_sackers[0]
     angle = float(point.kind.split(",")[1].split("°")[0]) / 360
     below = [o for o in orbits_at(leg, point.value - 1e-4) if floquet(o).verdict == "stable"][-1]
     tori = [poincare(below, point.value + away, revolutions=1500, keep=500)

@@ -16,8 +16,7 @@ from hydrolab import (
     update_branch,
     vary,
 )
-from hydrolab.dynamics.batch import MOVED
-from hydrolab.dynamics.branches import Arclength
+from hydrolab.dynamics.following import MOVED, Arclength
 from hydrolab.errors import BadInput
 
 THREE = Arclength(max_folds=3)  # as far as a slider's branch goes
