@@ -14,6 +14,7 @@ from hydrolab import load_machine
 from hydrolab.machine.bearings import JournalFilm, PadBearing, RadialBearing
 from hydrolab.machine.crack import Crack
 from hydrolab.machine.gap_shape import GapShape
+from hydrolab.machine.loads import Bow, Gravity, Load
 from hydrolab.machine.parts import Machine
 from hydrolab.machine.pole_pairs import Poles
 
@@ -47,6 +48,16 @@ PADS = PadBearing("pads", UPPER, 8, 1.37e9, 5e-5, rounding=3e-5)
 CRACK = Crack("crack", 1, 0.2, phase=0.7, rounding_angle=3e-6)
 OVAL = GapShape("oval", "stator", 2, 4e-4)
 
+
+
+def loaded() -> Machine:
+    """The paper's unit with everything that loads it whatever its motion."""
+    collar, (upper, lower) = unit().thrust_bearings[0], unit().bearings
+    return unit(gravity=Gravity(0.2), loads=(Load("radial thrust", 12, 5e4, 1.0, 0.2),),
+                bows=(Bow("bow", 3, 7, 2e-5, 0.3),), bearings=(upper, replace(lower, x=5e-5)),
+                thrust_bearings=(replace(collar, out_of_square=5e-5, phase=0.5),))
+
+
 MACHINES: dict[str, Callable[[], Machine]] = {
     "round": unit,
     "point mass": jeffcott,
@@ -68,6 +79,7 @@ MACHINES: dict[str, Callable[[], Machine]] = {
     "crack": lambda: unit(cracks=(CRACK,)),
     "pads, crack and oval stator": lambda: guided(pad_bearings=(PADS,), cracks=(CRACK,),
                                                   shapes=(OVAL,)),
+    "loaded": loaded,
     "unlike directions": lambda: jeffcott(bearings=(
         RadialBearing("springs", 0, [2.4e8, 3.0e8], 1.3e6),)),
 }

@@ -62,6 +62,7 @@ class Split:
     by a unit impulse on them, (2r, c). slope: that of the forces at rest, in the linear part, N/m,
     (c, c). shake: change of a state's rate by the unbalance at phase φ, Re(shake e^{iφ}), and
     turning: the linear response to it, (2r,) complex. static: that to the stator's centre, (2r, 2).
+    loaded: that to the model's other loads, mean and 1X, (2r, 2) complex.
     """
 
     model: Model
@@ -74,11 +75,16 @@ class Split:
     shake: NDArray
     turning: NDArray
     static: NDArray
+    loaded: NDArray
+
+    def under_loads(self, phases: NDArray) -> NDArray:
+        """The linear steady response to all loads but the unbalance at phases, (2r, phases)."""
+        return (self.loaded @ [1 + 0j * phases, np.exp(1j * phases)]).real
 
     def response(self, phase: float, setting: Setting) -> NDArray:
         """The linear steady response [q, q̇] at a phase, (2r, members)."""
         turning = np.outer((self.turning * np.exp(1j * phase)).real, setting.unbalance)
-        return turning + self.static @ setting.centre
+        return turning + self.static @ setting.centre + self.under_loads(np.array([phase]))
 
     def state(self, orbit: PeriodicOrbit, phase: float = 0.0) -> NDArray:
         """State of an orbit of the full model at a phase (rad), (2r,), by mass-weighted
@@ -105,13 +111,18 @@ def split(model: Model, speed: float, modes: int = 12, *, checked: bool = False)
     zeros = np.zeros_like(small.selection)
     push = np.vstack([zeros.T, inverse @ small.selection.T])
     load = speed**2 * (small.unbalance_cos - 1j * small.unbalance_sin)
-    forced = np.linalg.solve(stiffness - speed**2 * small.M + 1j * speed * velocity, load)
+    still, all_turning = small.loads(speed)
+    forced, other = np.linalg.solve(stiffness - speed**2 * small.M + 1j * speed * velocity,
+                                    np.stack([load, all_turning - load], axis=1)).T
+    sag = np.linalg.solve(stiffness, still)
     static = np.linalg.solve(stiffness, -small.selection.T @ slope[:, :2])
     return Split(small, float(speed), constant, np.hstack([small.selection, zeros]),
                  np.hstack([zeros, small.selection]), push, slope,
                  shake=np.concatenate([np.zeros(r), inverse @ load]),
                  turning=np.concatenate([forced, 1j * speed * forced]),
-                 static=np.vstack([static, np.zeros_like(static)]))
+                 static=np.vstack([static, np.zeros_like(static)]),
+                 loaded=np.vstack([np.stack([sag, other], axis=1),
+                                   np.stack([0 * sag, 1j * speed * other], axis=1)]))
 
 
 STIFF = 0.1  # largest stiffness of a kick times the square of the step, over the mass moved
@@ -168,12 +179,13 @@ def turn(system: Split, states: NDArray, course: Course, first: float, steps: in
     wave = np.outer(np.exp(1j * phases), system.watch @ system.turning).real
     rest = system.watch @ system.static @ base.centre
     rest[:2] -= base.centre
+    loaded = system.watch @ system.under_loads(phases)
     now = half @ (states - response)
     for n, phase in enumerate(phases):
         time = first + (n + 0.5) / steps
         setting = course(time)
         here = base if setting is start else setting.of(members)
-        place = system.watch @ now + np.outer(wave[n], base.unbalance) + rest
+        place = system.watch @ now + np.outer(wave[n], base.unbalance) + rest + loaded[:, [n]]
         moved = place if here is base else _shifted(place, base.centre - here.centre)
         touching = ~(law.smallest_gap(moved, phase) > 0)
         if touching.any():

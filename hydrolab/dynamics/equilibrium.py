@@ -19,7 +19,7 @@ TURNS_BACK = 1e-6  # relative: how closely the largest offset with an equilibriu
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """A static equilibrium q: K q = Sᵀ F(S q − centre).
+    """A static equilibrium q: K q = Sᵀ F(S q − centre) + the loads that stand still.
 
     local: the nonlinear coordinates S q, (c,). displacement: q, (n,). static_eccentricity: fraction
     of the gap.
@@ -69,13 +69,16 @@ def equilibrium(model: Model, static_eccentricity: float, *, direction: float = 
     if model.law.moving:
         raise BadInput(f"{model.name} has a force of velocity or phase, so it does not rest; solve "
                        "for its steady state.")
-    compliance = respond(model, 0.0, 0.0, model.selection.T.astype(complex)).real
-    felt, scale, one = model.selection @ compliance, model.length_scale, np.eye(len(compliance.T))
+    loads = np.column_stack([model.selection.T, model.static]).astype(complex)
+    *columns, sag = respond(model, 0.0, 0.0, loads).real.T
+    compliance = np.transpose(columns)
+    felt, scale, one = model.selection @ compliance, model.length_scale, np.eye(len(columns))
+    rest = model.selection @ sag / scale
 
     def at(centre: NDArray, y: NDArray) -> NDArray:
         def system(y: NDArray) -> tuple[NDArray, NDArray]:
             force, slope, _ = model.law.linearise(model.relative(scale * y, centre))
-            return y - felt @ force / scale, one - felt @ slope
+            return y - rest - felt @ force / scale, one - felt @ slope
         solution = newton(system, y)
         if not solution.converged:
             raise NoConvergence(f"No equilibrium was found at {100 * static_eccentricity:.4g} %: "
@@ -83,11 +86,12 @@ def equilibrium(model: Model, static_eccentricity: float, *, direction: float = 
                                 "field.")
         return solution.y
 
-    y, whole = np.zeros(len(one)), model.centre(static_eccentricity, direction)
+    y, whole = rest, model.centre(static_eccentricity, direction)
     for share in np.linspace(0, 1, steps + 1)[1:]:
         y = at(share * whole, y)
     force = model.law.force(model.relative(scale * y, whole))
-    return Equilibrium(model, static_eccentricity, whole, scale * y, compliance @ force)
+    return Equilibrium(model, static_eccentricity, whole, scale * y,
+                       sag + compliance @ force)
 
 
 def largest_offset(model: Model, *, direction: float = math.pi / 2) -> float:

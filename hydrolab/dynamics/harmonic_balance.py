@@ -117,8 +117,8 @@ class Condensed:
     def small(self, y: NDArray, centre: NDArray) -> float:
         """A residual, N, that is small against the forces on a motion."""
         laws = self.force * np.abs(self.forces(y, centre) @ self.analysis).max()
-        shaking = np.hypot(self.model.unbalance_sin, self.model.unbalance_cos).max()
-        return BALANCED * float(max(laws, self.speed**2 * shaking))
+        loads = max(np.abs(load).max() for load in self.model.loads(self.speed))
+        return BALANCED * float(max(laws, loads))
 
     def require_balance(self, y: NDArray, centre: NDArray, residual: float) -> None:
         """Raise NoConvergence where what is left over is not small against the forces on a motion,
@@ -219,11 +219,11 @@ def condense(model: Model, speed: float, harmonics: int, samples: int, revolutio
     recovery = np.empty((harmonics + 1, n, c), dtype=complex)
     stiffness = np.empty((harmonics + 1, c, c), dtype=complex)
     for k in range(harmonics + 1):
-        # unit forces on the nonlinear coordinates, and beside them the unbalance
+        # unit forces on the nonlinear coordinates, and beside them what acts whatever the motion
         loads = np.zeros((n, c + 1), dtype=complex)
         loads[:, :c] = model.selection.T
-        if k == revolutions:
-            loads[:, c] = speed**2 * (model.unbalance_cos - 1j * model.unbalance_sin)
+        if k in (0, revolutions):
+            loads[:, c] = model.loads(speed)[k > 0]
         answer = respond(model, speed, k / revolutions, loads)
         try:
             stiffness[k] = np.linalg.inv(model.selection @ answer[:, :c])

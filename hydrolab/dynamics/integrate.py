@@ -8,6 +8,7 @@ otherwise. The pull of a round gap is taken on plain floats, at a third of the c
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -68,16 +69,15 @@ class Task:
         return self.law(time).linearise(self.model.relative(u, self.centre), rate,
                                         self.phase(time), self.speed)
 
-    def unbalance(self, time: float) -> NDArray:
-        """Unbalance force on all DOFs, N."""
-        phase = self.phase(time)
-        return self.speed**2 * (self.model.unbalance_sin * math.sin(phase)
-                                + self.model.unbalance_cos * math.cos(phase))
+    def loads(self, time: float) -> NDArray:
+        """What acts on all DOFs whatever the motion, N: the unbalance and its like."""
+        still, turning = self.model.loads(self.speed)
+        return still + (turning * cmath.exp(1j * self.phase(time))).real
 
     def acceleration(self, time: float, q: NDArray, v: NDArray) -> NDArray:
         """q̈ from the equation of motion, Eq. (9)."""
         m = self.model
-        force = self.unbalance(time) + m.selection.T @ self.force(time, m.selection @ q,
+        force = self.loads(time) + m.selection.T @ self.force(time, m.selection @ q,
                                                                   m.selection @ v)
         return np.linalg.solve(m.M, force - m.velocity_matrix(self.speed) @ v - m.K @ q)
 
@@ -202,7 +202,7 @@ class CentralDifference:
                            "and central differences need at most 2. Use at least "
                            f"{needed} steps per revolution, or fewer modes.")
         before, now, push, load = central_difference_matrices(m, task.speed, dt)
-        forcing = np.array([load @ task.unbalance(start + i * dt) for i in range(n)])
+        forcing = np.array([load @ task.loads(start + i * dt) for i in range(n)])
         # the position a step before the start, by Taylor's series
         q, v = state
         old = q - dt * v + 0.5 * dt**2 * task.acceleration(start, q, v)
@@ -274,7 +274,7 @@ class Newmark:
             pull = implicit_pull(task, compliance)
         else:
             pull = implicit_forces(task, compliance, mobility)
-        forcing = np.array([load @ task.unbalance(start + (i + 1) * dt) for i in range(n)])
+        forcing = np.array([load @ task.loads(start + (i + 1) * dt) for i in range(n)])
         motion = np.concatenate([*state, task.acceleration(start, *state)])
         u = m.selection @ state[0]
         for revolution in range(revolutions):
@@ -335,15 +335,13 @@ class RungeKutta:
         constant = np.block([[np.zeros((r, r)), np.eye(r)],
                              [-inverse @ m.K, -inverse @ m.velocity_matrix(task.speed)]])
         load = np.vstack([np.zeros_like(watch.T), inverse @ watch.T])
-        shaken = np.zeros((2, 2 * r))
-        shaken[:, r:] = task.speed**2 * np.stack([inverse @ m.unbalance_sin,
-                                                  inverse @ m.unbalance_cos])
+        still, turning = (np.concatenate([np.zeros(r), inverse @ load])
+                          for load in m.loads(task.speed))
         pull = explicit_pull(task)
 
         def rate(t: float, s: NDArray) -> NDArray:
-            phase = task.phase(t)
-            return (constant @ s + load @ pull(t, watch @ s[:r], watch @ s[r:])
-                    + math.sin(phase) * shaken[0] + math.cos(phase) * shaken[1])
+            return (constant @ s + load @ pull(t, watch @ s[:r], watch @ s[r:]) + still
+                    + (turning * cmath.exp(1j * task.phase(t))).real)
 
         def clearance(t: float, s: NDArray) -> float:
             u = m.relative(watch @ s[:r], task.centre)
@@ -463,8 +461,8 @@ def _first_state(model: Model, small: Model, speed: float,
                  start: PeriodicOrbit | Trajectory | None) -> NDArray:
     """Displacement and velocity, (2, r), on the reduced basis."""
     if start is None:
-        linear = condense(small.with_field(0.0), float(speed), 1, 8).shaft_linear[1]
-        return np.stack([linear.real, -speed * linear.imag])
+        mean, linear = condense(small.with_field(0.0), float(speed), 1, 8).shaft_linear
+        return np.stack([mean.real + linear.real, -speed * linear.imag])
     if isinstance(start, Trajectory):
         if not np.isfinite(start.state).all():
             raise BadInput(f"start cannot be gone on from. {start.stopped}")

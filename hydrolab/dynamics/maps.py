@@ -28,7 +28,7 @@ from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import amplitudes, long_axis
 from hydrolab.dynamics.results import clearances
 from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.machine.model import Model
+from hydrolab.machine.model import ARRAYS, Model
 from hydrolab.machine.pull import CircularPull
 from hydrolab.machine.quantities import number, shown
 
@@ -247,9 +247,7 @@ def _require_sendable(task: tuple) -> None:
 
 def fingerprint(model: Model, speed: float) -> str:
     """A short text that changes with any number of a model and with the speed."""
-    arrays = (model.M, model.C, model.G, model.K, model.unbalance_sin, model.unbalance_cos,
-              model.selection)
-    parts = [np.ascontiguousarray(a).tobytes() for a in arrays]
+    parts = [np.ascontiguousarray(getattr(model, name)).tobytes() for name in ARRAYS]
     return hashlib.sha256(b"".join(parts) + repr((model.law, speed)).encode()).hexdigest()[:16]
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hydrolab.dynamics.continuation import ParametrisedSystem, Step
 from hydrolab.dynamics.harmonic_balance import Condensed, HarmonicBalance, dynamic_stiffness
 from hydrolab.errors import BadInput
-from hydrolab.machine.model import Model
+from hydrolab.machine.model import ARRAYS, Model
 from hydrolab.machine.quantities import number, shown
 
 # parameters other than angles and eccentricities are scaled by this times their first value
@@ -143,18 +143,16 @@ def _changed(along: Path, value: float) -> Problem:
         return replace(here, equations=along.balance.equations(own.model, value, own.length))
     if key == "field":
         return replace(here, equations=replace(own, model=own.model.with_field(value)))
-    if key == "unbalance":
+    if key == "unbalance" and not own.model.static.any() and not own.model.turning.any():
         return replace(here, equations=replace(own, model=own.model.with_unbalance(value),
                                                linear=value * own.linear,
                                                shaft_linear=value * own.shaft_linear))
-    model = own.model.with_number(key, value)
+    model = (own.model.with_unbalance(value) if key == "unbalance"
+             else own.model.with_number(key, value))
     # a number of a law alone leaves the linear machine, and its elimination, as they are
-    if all(np.array_equal(getattr(model, name), getattr(own.model, name)) for name in LINEAR):
+    if all(np.array_equal(getattr(model, name), getattr(own.model, name)) for name in ARRAYS):
         return replace(here, equations=replace(own, model=model))
     return replace(here, equations=along.balance.equations(model, own.speed, own.length))
-
-
-LINEAR = ("M", "C", "G", "K", "unbalance_sin", "unbalance_cos", "selection")
 
 
 # ------------------------------------------------------------------ resonances on the way

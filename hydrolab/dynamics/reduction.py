@@ -55,7 +55,9 @@ def reduce(model: Model, modes: int = 12, gyroscopic: bool = False, *, speed: fl
             return _on(model, np.eye(model.size))
         squares, shapes = scipy.linalg.eigh((model.K + model.K.T) / 2, model.M,
                                             subset_by_index=(0, modes - 1))
-        static = np.linalg.solve(model.K, model.selection.T)
+        # a load that stands still is a force whose deflection must be in the basis as well
+        acting = np.column_stack([model.selection.T, model.static])
+        static = np.linalg.solve(model.K, acting[:, acting.any(axis=0)])
         tilting = np.linalg.solve(model.K, model.G @ static) if gyroscopic else static[:, :0]
         basis = _independent(np.hstack([shapes, static, tilting]))
         small = _on(model, basis)
@@ -91,7 +93,7 @@ def _missing(model: Model, small: Model, speed: float, highest: float,
     lacking = [np.empty((model.size, 0))]
     for k in range(HARMONICS + 1):
         exact, own = (np.linalg.solve(dynamic_stiffness(m, k * speed, speed), np.column_stack(
-            [m.selection.T, m.unbalance_cos - 1j * m.unbalance_sin])) for m in (model, small))
+            [m.selection.T, m.loads(speed)[1]])) for m in (model, small))
         seen, rough = model.selection @ exact, small.selection @ own
         # a column for each load, each against its own size
         away = np.abs(seen - rough).max(axis=0) > tolerance * np.abs(seen).max(axis=0)

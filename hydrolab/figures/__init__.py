@@ -23,11 +23,13 @@ from hydrolab.figures.paper_figures import (
     study_pictures,
 )
 from hydrolab.figures.picture import Picture
+from hydrolab.figures.rotor import line_picture
 from hydrolab.figures.style import COLOURS, house_style, new_figure, plane
 
 __all__ = [
     "COLOURS", "Picture", "REVOLUTION", "basins_picture", "branch_picture", "draw_orbit",
     "figure_3", "figure_4", "figure_5", "figure_6", "figure_7", "house_style",
-    "hysteresis_picture", "integrity_picture", "map_picture", "multipliers_picture", "new_figure",
+    "hysteresis_picture", "integrity_picture", "line_picture", "map_picture",
+    "multipliers_picture", "new_figure",
     "orbit_picture", "plane", "study_pictures",
 ]

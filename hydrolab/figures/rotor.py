@@ -8,15 +8,19 @@ by the same factor everywhere.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from hydrolab.dynamics.harmonics import synthesise
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.figures.drawing import MM, REVOLUTION
-from hydrolab.figures.style import COLOURS
+from hydrolab.errors import BadInput
+from hydrolab.figures.drawing import MM, REVOLUTION, UM
+from hydrolab.figures.picture import Picture
+from hydrolab.figures.readings import listed, microns
+from hydrolab.figures.style import COLOURS, house_style, new_figure
 from hydrolab.machine.model import rigid_link
 from hydrolab.machine.parts import Machine
 
@@ -62,19 +66,24 @@ def on_page(path: NDArray, depth: NDArray | float, factor: float) -> tuple[NDArr
 
 def supports(machine: Machine) -> list[tuple[float, str, str]]:
     """What holds or weakens the shaft, from the top: depth (m), name, and how it is drawn, "radial"
-    for a bearing of any kind that holds it sideways, "across" for one against tilt, "crack".
+    for a bearing of any kind that holds it sideways, "across" for one against tilt, "crack", "load"
+    for a force and "bow" for the middle of a bent stretch.
     """
     shaft = machine.shaft
     found = [(float(shaft.nodes[b.node]), b.name,
               "across" if b in machine.thrust_bearings else "radial") for b in machine.all_bearings]
     found += [(float(shaft.nodes[c.element:c.element + 2].mean()), c.name, "crack")
               for c in machine.cracks]
+    if shaft is not None:
+        found += [(float(shaft.nodes[p.node] + p.offset), p.name, "load") for p in machine.loads]
+        found += [(float(shaft.nodes[[b.node, b.end_node]].mean()), b.name, "bow")
+                  for b in machine.bows]
     return sorted(found)
 
 
 def draw_bearings(axes: Axes, machine: Machine, half_width: float) -> None:
     """Radial bearings as wedges from both sides, thrust bearings as a bar across, cracks as a notch
-    on the right; half_width in mm of the axes.
+    on the right, loads as an arrow to the right, bows as an arc; half_width in mm of the axes.
     """
     for depth, _, kind in supports(machine):
         if kind == "radial":
@@ -85,7 +94,9 @@ def draw_bearings(axes: Axes, machine: Machine, half_width: float) -> None:
             axes.plot([-1.4 * half_width, 1.4 * half_width], [depth, depth], zorder=1,
                       color=COLOURS["bearing"], linewidth=6, solid_capstyle="butt")
         else:
-            axes.plot([0, half_width], [depth, depth], color=COLOURS["unstable"], linewidth=2.5)
+            mark = {"crack": "", "load": ">", "bow": "$)$"}[kind]
+            axes.plot([0, half_width], [depth, depth], color=COLOURS["unstable"], linewidth=2.5,
+                      marker=mark, markevery=[1], markersize=9)
 
 
 def name_parts(axes: Axes, machine: Machine) -> None:
@@ -131,6 +142,67 @@ def draw_rotor(axes: Axes, machine: Machine, orbit: PeriodicOrbit, factor: float
                   linewidth=1.3, markersize=4, label=words[0])
         axes.plot(*on_page(mean[:, at], depths[at], factor), color=COLOURS["mean"], linewidth=3,
                   label=words[1])
+
+
+@house_style()
+def line_picture(orbit: PeriodicOrbit, machine: Machine | None = None) -> Picture:
+    """The static line of the shaft: its mean along x and z, the centres of the bearings it passes
+    through and of the stator. machine: that of the orbit's card unless given.
+
+    Raises BadInput for a machine without a shaft, and for a model made by hand.
+    """
+    machine = machine or (orbit.model.origin and orbit.model.origin.machine)
+    if machine is None or machine.shaft is None:
+        raise BadInput("the line of a shaft needs a machine with a shaft; give line_picture(orbit, "
+                       "machine).")
+    depths, coefficients = rotor_stations(machine, orbit)
+    lying, nodes = machine.gravity is not None, len(orbit.model.depths)
+    figure = new_figure(12, 6)
+    panels = figure.subplots(2, 1, sharex=True) if lying else figure.subplots(1, 2, sharey=True)
+    for i, (axes, name) in enumerate(zip(panels, "xz", strict=True)):
+        def put(depth: ArrayLike, away: ArrayLike, *look: str, axes: Axes = axes,
+                **more: Any) -> None:
+            axes.plot(*((depth, away) if lying else (away, depth)), *look, **more)
+
+        put(depths[[0, nodes - 1]], [0, 0], "-.", color=COLOURS["axis"], linewidth=1.2)
+        put(depths[:nodes], UM * coefficients[:nodes, i, 0], color=COLOURS["mean"], linewidth=3,
+            label="mean line")
+        put(depths[nodes:], UM * coefficients[nodes:, i, 0], "o", color=COLOURS["rotor"],
+            label="bodies")
+        for bearing in machine.all_bearings:
+            if bearing.name in orbit.model.supports:
+                put(depths[bearing.node], UM * orbit.model.supports[bearing.name].offset[i], "s",
+                    color=COLOURS["bearing"], markersize=10, label="bearing centres")
+        if machine.air_gap:
+            at = nodes + [body.name for body in machine.bodies].index(machine.air_gap.body)
+            put(depths[at], UM * orbit.centre[i], "x", color=COLOURS["stator"], markersize=10,
+                markeredgewidth=2.5, label="stator's middle")
+        words = (axes.set_xlabel, axes.set_ylabel)
+        words[lying](f"{name}, µm")
+        if i == 0:
+            words[not lying]("" if lying else "depth y, m")
+    if lying:
+        panels[1].set_xlabel("along the shaft, m")
+    else:
+        panels[0].invert_yaxis()
+    handles, names = panels[0].get_legend_handles_labels()
+    kept = dict(zip(names, handles, strict=True))
+    panels[0].legend(kept.values(), kept.keys())
+    figure.suptitle("Static line of the shaft")
+    return Picture(figure, line_reading(orbit))
+
+
+def line_reading(orbit: PeriodicOrbit) -> str:
+    """Where the mean line passes each radial bearing and the stator's middle."""
+    shaft, said = orbit.shaft[:, 0], []
+    for name, force in orbit.bearing_forces.items():
+        support = orbit.model.supports[name]
+        away = float(np.hypot(*(support.rows @ shaft - support.offset)))
+        said.append(f"{name} {microns(away)} from its centre, which carries "
+                    f"{1e-3 * np.hypot(*force.static):.4g} kN")
+    gap = (f"; the rotor stands {microns(float(np.hypot(*(orbit.mean - orbit.centre))))} from the "
+           "stator's middle" if math.isfinite(orbit.model.gap) else "")
+    return f"The mean line of the shaft passes {listed(said)}{gap}."
 
 
 def draw_z(axes: Axes, x: float, depth: float, factor: float, largest: float) -> None:

@@ -194,6 +194,8 @@ class Parts:
         for station, crack in enumerate(machine.cracks, stations + len(machine.bodies)):
             self.add_crack(crack)
             self.riding.append((f"crack {crack.name}", station, True))
+        for load in machine.loads:
+            self.add_load(load)
 
     def solid(self, path: str, solid: solids.Solid, colour: str, flat: bool = True,
               **look: Any) -> Any:
@@ -302,6 +304,20 @@ class Parts:
         mouth = solids.ring(0.7 * r, 1.06 * r, -0.1 * r, 0.1 * r, middle - half, middle + half, 24)
         self.frame(f"crack {crack.name}", f"/cracks/{crack.name}")
         self.solid(f"/cracks/{crack.name}/mouth", mouth, PAINT)
+
+    def add_load(self, load: Any) -> None:
+        """A force that stands still: an arrow that ends at the shaft."""
+        r, depth = self.sizes.shaft, load.offset
+        if self.machine.shaft:
+            depth += float(self.machine.shaft.nodes[load.node])
+        arrow = solids.swept(np.array([[0.001, 0], [0.8 * r, 1.6 * r], [0.3 * r, 1.6 * r],
+                                       [0.3 * r, 8 * r], [0.001, 8 * r]]), steps=24)
+        # its axis, Z, is laid against the force (x, z) = (sin φ, cos φ)
+        push = math.sin(load.direction), math.cos(load.direction)
+        out, side = -np.append(push, 0.0), np.array([-push[1], push[0], 0.0])
+        turned = arrow[0] @ np.stack([side, [0.0, 0.0, 1.0], out]) + r * out
+        self.solid(f"/loads/{load.name}", solids.raised((turned, arrow[1]), -depth),
+                   COLOURS["unstable"], side="double")
 
     def add_pull(self, radius: float) -> None:
         """The pull: an arrow of two bones, its tail and its head, so that it grows by poses alone.

@@ -20,6 +20,7 @@ from hydrolab.live.panel import Controls
 from hydrolab.live.scene import MachineScene
 from hydrolab.live.server import open_server, page_address, stop_with_server
 from hydrolab.machine.cards import load_machine, vary
+from hydrolab.machine.model import ARRAYS
 from hydrolab.machine.parts import Machine
 
 
@@ -124,7 +125,7 @@ def _machine_of(equations: Condensed, machine: Machine | None) -> Machine:
                        "show(result, machine).") from None
     own = machine.model()
     same = all(np.array_equal(getattr(own, name), getattr(model, name))
-               for name in ("M", "C", "G", "K", "unbalance_sin", "unbalance_cos"))
+               for name in ARRAYS)
     if not same or own.gap != model.gap or repr(own.law) != repr(model.law):
         raise BadInput(f"This result is not of {machine.name} as it stands in its card; give the "
                        "machine that it is of: show(result, machine).")

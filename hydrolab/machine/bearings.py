@@ -199,8 +199,46 @@ class Bearing(Part):
         return np.zeros((2, 2)), np.zeros((2, 2))
 
 
+@dataclass(frozen=True)
+class OutOfLine(BearingLaw):
+    """The law of a bearing whose centre is at (x, z), m."""
+
+    own: BearingLaw
+    x: float
+    z: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "moving", self.own.moving)
+        object.__setattr__(self, "reference", self.own.reference)
+
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
+        """What the bearing's own law says of the place counted from its centre."""
+        return self.own.linearise((u.T - [self.x, self.z]).T, velocity, phase, speed)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Guide(Bearing):
+    """A bearing that holds the shaft sideways; its centre may be out of line."""
+
+    x: float = number_field("m", "how far its centre is out of line along x", default=0.0,
+                            example=(0.1, "mm"))
+    z: float = number_field("m", "likewise along z", default=0.0, example=(-0.1, "mm"))
+
+    def law(self, speed: float) -> BearingLaw | None:
+        """What is not linear in it at a speed (rad/s) of the machine, about its centre; None for a
+        linear bearing.
+        """
+        own = self.law_in_line(speed)
+        return OutOfLine(own, self.x, self.z) if own and (self.x or self.z) else own
+
+    def law_in_line(self, speed: float) -> BearingLaw | None:
+        """The same of a bearing in line."""
+        return None
+
+
 @dataclass(frozen=True, eq=False)
-class RadialBearing(Bearing):
+class RadialBearing(Guide):
     """A linear radial bearing: force on the rotor −stiffness·u − damping·u̇ with u = (x, z)."""
 
     noun = "a radial bearing"
@@ -217,26 +255,34 @@ class RadialBearing(Bearing):
         return self.stiffness, self.damping
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ThrustBearing(Bearing):
-    """A thrust bearing seen by the lateral motion: an angular spring at one node."""
+    """A thrust bearing seen by the lateral motion: angular springs and dampers at one node."""
 
     noun = "a thrust bearing"
     told_by = "tilt_stiffness"
     group = "thrust_bearings"
     tilts = True
-    tilt_stiffness: float = number_field("N m/rad", "stiffness against tilt", least=0, example=5e7)
+    tilt_stiffness: NDArray | Any = number_field(
+        "N m/rad", "stiffness against tilt: one number, or [about x, about z]", form=bearing_matrix,
+        example=5e7)
+    tilt_damping: NDArray | Any = number_field("N m s/rad", "damping of tilt, likewise",
+                                               form=bearing_matrix, default=0.0, example=1e6)
+    out_of_square: float = number_field("rad", "lean of the collar's face against the shaft, which "
+                                        "turns with it", default=0.0, example=1e-4)
+    phase: float = number_field("rad", "angle that the face leans to, from an unbalance of phase "
+                                "0, with the spin", default=0.0, example=(90, "deg"))
 
     def matrices(self) -> tuple[NDArray, NDArray]:
         """Stiffness, N m/rad, and damping, N m s/rad."""
-        return self.tilt_stiffness * np.eye(2), np.zeros((2, 2))
+        return self.tilt_stiffness, self.tilt_damping
 
 
 STIFF = 5  # so that the linear answer, from which a solver starts, lies within the clearance
 
 
 @dataclass(frozen=True)
-class PadBearing(Bearing):
+class PadBearing(Guide):
     """A guide bearing of separate pads with clearance (`Pads`): dry contact, no friction."""
 
     noun = "pads with clearance"
@@ -253,7 +299,7 @@ class PadBearing(Bearing):
         "m", "distance over which contact begins softly; 0 stands for a tenth of the clearance, or "
         "of a millimetre where there is none", least=0, default=0.0, example=(15, "µm"))
 
-    def law(self, speed: float = 0.0) -> Pads:
+    def law_in_line(self, speed: float = 0.0) -> Pads:
         """The law of its pads, which takes back the linear bearing of their closed stiffness."""
         rounding = self.rounding or 0.1 * (abs(self.clearance) or 1e-3)
         closed = self.pads * self.pad_stiffness / 2
@@ -261,7 +307,7 @@ class PadBearing(Bearing):
 
 
 @dataclass(frozen=True)
-class JournalFilm(Bearing):
+class JournalFilm(Guide):
     """A short journal bearing with a cavitated oil film (`ShortFilm`)."""
 
     noun = "a journal film"
@@ -283,7 +329,7 @@ class JournalFilm(Bearing):
             yield "film_length", (f"is {self.film_length:g} m; the short film holds for bearings "
                                   f"no longer than their diameter, {2 * self.journal_radius:g} m.")
 
-    def law(self, speed: float) -> ShortFilm:
+    def law_in_line(self, speed: float) -> ShortFilm:
         """The film's law; the reference it takes back is STIFF times its cross stiffness in the
         middle at this speed.
         """

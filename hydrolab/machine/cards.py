@@ -2,7 +2,7 @@
 
 A number of a card is an inline table, `mass = { value = 110, unit = "t", source = "calibrated",
 note = "…" }`; the note is optional. What a table may hold is read from the fields of its part
-(`card_keys` lists all of them); a bearing is told by its first number. Copy a shipped card
+(`card_keys` lists all of them); a bearing is told by one of its numbers. Copy a shipped card
 (`card_text`), edit it, and load it by its path. A card is data and nothing of it is ever executed.
 A bad card raises `BadInput` with everything that is wrong with it, a sentence a line, each with the
 key, its value and what is allowed.

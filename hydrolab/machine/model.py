@@ -1,7 +1,8 @@
 """Machine → Model: matrices, the force laws on their coordinates, the unbalance. No solving.
 
 The equation of motion is Eq. (9) of Villa, Carvalho and Salomon:
-M q̈ + (C + Ω G) q̇ + K q = Ω² (F₁ sin Ωt + F₂ cos Ωt) + Sᵀ F_NL(S q − centre).
+M q̈ + (C + Ω G) q̇ + K q = Ω² (F₁ sin Ωt + F₂ cos Ωt) + Sᵀ F_NL(S q − centre),
+with the loads of `hydrolab.machine.loads` beside the unbalance.
 
 The first two of the nonlinear coordinates u = S q are the (x, z) of the generator's centre; the
 pull may have more (`air_gap_law`), and each nonlinear bearing and crack adds its own two. One plain
@@ -11,7 +12,7 @@ law stays as it is, several go side by side.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -20,8 +21,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
+from hydrolab.machine.bearings import ThrustBearing
 from hydrolab.machine.elements import shaft_element
 from hydrolab.machine.gap_shape import gap_law
+from hydrolab.machine.loads import towards, turning_with
 from hydrolab.machine.pull import (
     CircularPull,
     ForceLaw,
@@ -34,6 +37,7 @@ from hydrolab.machine.pull import (
 from hydrolab.machine.quantities import number, shown, whole
 
 if TYPE_CHECKING:
+    from hydrolab.machine.loads import Bow
     from hydrolab.machine.parts import Machine, RigidBody, Shaft
 
 # relative difference below which two frequencies are the pair of an isotropic rotor
@@ -148,17 +152,20 @@ class Support:
 
     rows: pick its (x, z) from q, (2, n). stiffness, damping: its part of K and C, (2, 2), N/m and
     N s/m. law: of its pads or its film, which takes `stiffness` back; None for a linear bearing.
+    offset: how far its centre is out of line, (x, z), m.
     """
 
     rows: NDArray
     stiffness: NDArray
     damping: NDArray
     law: ForceLaw | None = None
+    offset: NDArray = field(default_factory=lambda: np.zeros(2))
 
     def force(self, u: NDArray, velocity: NDArray, phase: NDArray | float = 0.0,
               speed: float = 0.0) -> NDArray:
         """Force on the shaft, N, (2, …), that is at u = rows q, m, with a velocity, m/s, (2, …)."""
-        linear = -np.tensordot(self.stiffness, u, 1) - np.tensordot(self.damping, velocity, 1)
+        away = (u.T - self.offset).T
+        linear = -np.tensordot(self.stiffness, away, 1) - np.tensordot(self.damping, velocity, 1)
         return linear + self.law.force(u, velocity, phase, speed) if self.law else linear
 
 
@@ -187,6 +194,8 @@ class Model:
     there is none). depths: y of each node, m. shaft_map: maps q to the nodes' DOFs, shape (nodes ·
     DOFs per node, n). rayleigh: the coefficients (α, β) of C = αM + βK, 0 where there is no such
     damping. supports: each radial bearing by its name. origin: None for a model made by hand.
+    static: force that stands still, N, shape (n,). turning: complex f₀ and f₁, shape (2, n), of the
+    force Re((f₀ + iΩ f₁) e^{iΩt}) of what is bent or out of square. Both are 0 unless given.
     """
 
     name: str
@@ -204,6 +213,14 @@ class Model:
     rayleigh: tuple[float, float] = (0.0, 0.0)
     supports: Mapping[str, Support] = field(default_factory=dict)
     origin: Origin | None = None
+    static: NDArray = field(default_factory=lambda: np.zeros(0))
+    turning: NDArray = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        for name, none in (("static", np.zeros(self.size)),
+                           ("turning", np.zeros((2, self.size), dtype=complex))):
+            if not getattr(self, name).size:
+                object.__setattr__(self, name, none)
 
     @property
     def size(self) -> int:
@@ -240,6 +257,13 @@ class Model:
     def velocity_matrix(self, speed: float) -> NDArray:
         """C + Ω G, N s/m: the one place where damping and gyroscopic terms meet."""
         return self.C + speed * self.G
+
+    def loads(self, speed: float) -> tuple[NDArray, NDArray]:
+        """What acts on all DOFs whatever the motion at a speed (rad/s), N: the constant force,
+        (n,), and the complex f of the one that turns, Re(f e^{iΩt}), (n,).
+        """
+        return self.static, (speed**2 * (self.unbalance_cos - 1j * self.unbalance_sin)
+                             + self.turning[0] + 1j * speed * self.turning[1])
 
     def centre(self, static_eccentricity: float, direction: float = math.pi / 2) -> NDArray:
         """Stator centre (x_E, z_E), m, for an eccentricity given as a fraction of the gap.
@@ -296,6 +320,7 @@ class Model:
         return replace(
             self, **{name: basis.T @ getattr(self, name) @ basis for name in "MCGK"},
             unbalance_sin=basis.T @ self.unbalance_sin, unbalance_cos=basis.T @ self.unbalance_cos,
+            static=basis.T @ self.static, turning=self.turning @ basis,
             selection=self.selection @ basis, shaft_map=self.shaft_map @ basis,
             supports={name: replace(support, rows=support.rows @ basis)
                       for name, support in self.supports.items()})
@@ -346,7 +371,7 @@ class Model:
         return self.origin
 
 
-ARRAYS = ("M", "C", "G", "K", "unbalance_sin", "unbalance_cos", "selection")
+ARRAYS = ("M", "C", "G", "K", "unbalance_sin", "unbalance_cos", "static", "turning", "selection")
 
 
 def rigid_link(offset: float) -> NDArray:
@@ -369,8 +394,9 @@ def body_matrices(body: RigidBody) -> tuple[NDArray, NDArray]:
     return np.diag([body.mass, body.mass, body.Id, body.Id]), gyroscopic
 
 
-def add_shaft(shaft: Shaft, M: NDArray, G: NDArray, K: NDArray) -> None:
-    """Add the elements of a shaft to the matrices."""
+def add_shaft(shaft: Shaft, bows: Sequence[Bow], M: NDArray, G: NDArray, K: NDArray,
+              turning: NDArray) -> None:
+    """Add the elements of a shaft to the matrices, and what holds its bows to their load."""
     for i, length in enumerate(np.diff(shaft.nodes)):
         both = slice(4 * i, 4 * i + 8)
         m, g, k = shaft_element(shaft.element, length, shaft.young, shaft.density, shaft.area[i],
@@ -378,6 +404,8 @@ def add_shaft(shaft: Shaft, M: NDArray, G: NDArray, K: NDArray) -> None:
         M[both, both] += m
         G[both, both] += g
         K[both, both] += k
+        for bow in bows:
+            turning[both] += k @ bow.shape(shaft.nodes, i)
 
 
 def bare(machine: Machine) -> Model:
@@ -385,10 +413,10 @@ def bare(machine: Machine) -> Model:
     per_node = 2 if machine.shaft is None else 4
     n = per_node * machine.nodes
     M, C, G, K = (np.zeros((n, n)) for _ in range(4))
-    unbalance = np.zeros((2, n))
+    unbalance, static, turning = np.zeros((2, n)), np.zeros(n), np.zeros((2, n), dtype=complex)
     generator = np.eye(2, n)
     if machine.shaft:
-        add_shaft(machine.shaft, M, G, K)
+        add_shaft(machine.shaft, machine.bows, M, G, K, turning[0])
     for body in machine.bodies:
         at = slice(per_node * body.node, per_node * (body.node + 1))
         link = rigid_link(body.offset)[:, :per_node] if per_node == 4 else np.eye(4, 2)
@@ -400,6 +428,13 @@ def bare(machine: Machine) -> Model:
         if body.name == (machine.air_gap.body if machine.air_gap else machine.bodies[0].name):
             generator = np.zeros((2, n))
             generator[:, at] = link[:2]
+    if machine.gravity:  # the mass of a rigid shift across
+        static += M @ np.tile(np.append(machine.gravity.field(), np.zeros(per_node - 2)),
+                              machine.nodes)
+    for load in machine.loads:
+        at = place(load.node, per_node, n) if per_node == 2 else (
+            rigid_link(load.offset)[:2] @ np.eye(n)[4 * load.node:4 * load.node + 4])
+        static += load.force * towards(load.direction) @ at
     supports: dict[str, Support] = {}
     for bearing in machine.all_bearings:
         rows = place(bearing.node, per_node, n, 2 * bearing.tilts)
@@ -409,13 +444,18 @@ def bare(machine: Machine) -> Model:
             stiffness = bent.reference * np.eye(2)
         K += rows.T @ stiffness @ rows
         C += rows.T @ damping @ rows
-        if not bearing.tilts:
-            supports[bearing.name] = Support(rows, stiffness, damping, bent)
+        if isinstance(bearing, ThrustBearing):  # its collar leans as (x, z) = (−θz, θx)
+            lean = bearing.out_of_square * turning_with(bearing.phase)[::-1] * [1, -1]
+            turning += np.stack([stiffness @ lean, damping @ lean]) @ rows
+        else:
+            offset = np.array([bearing.x, bearing.z])
+            static += stiffness @ offset @ rows
+            supports[bearing.name] = Support(rows, stiffness, damping, bent, offset)
     law, selection = attach(machine, generator, supports)
     return Model(machine.name, M, C, G, K, unbalance[0], unbalance[1], selection, law,
                  machine.air_gap.gap if machine.air_gap else math.inf,
                  machine.shaft.nodes if machine.shaft else np.zeros(1), np.eye(n),
-                 supports=supports)
+                 supports=supports, static=static, turning=turning)
 
 
 def assemble(machine: Machine) -> Model:

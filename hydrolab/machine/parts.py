@@ -29,6 +29,7 @@ from hydrolab.machine.bearings import (
 )
 from hydrolab.machine.crack import Crack
 from hydrolab.machine.gap_shape import GapShape
+from hydrolab.machine.loads import Bow, Gravity, Load
 from hydrolab.machine.model import assemble
 from hydrolab.machine.pole_pairs import Poles
 from hydrolab.machine.quantities import (
@@ -37,6 +38,7 @@ from hydrolab.machine.quantities import (
     Held,
     Part,
     choice_field,
+    declared,
     dotted,
     flag_field,
     frozen,
@@ -235,7 +237,7 @@ class RayleighDamping(Part):
 
 # What a card has tables of, in their order: one of a kind, or several that have names.
 KINDS: tuple[type[Part], ...] = (Shaft, RigidBody, Bearing, RayleighDamping, AirGap, Crack, Poles,
-                                 GapShape)
+                                 GapShape, Gravity, Load, Bow)
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,6 +247,7 @@ class Machine(Part):
     speed: rated speed, rad/s. shaft: None for a point mass on springs (one node, which translates).
     pad_bearings, films, cracks: parts that act nonlinearly on their own coordinates.
     poles, shapes: what makes the field or the gap other than constant and round.
+    gravity: of a unit whose shaft lies. loads, bows: what no motion makes.
     provenance: for each number of the card, by its dotted key ("bodies.generator.mass"), what the
     card says; print the machine to see them. about: what the card says of itself.
 
@@ -268,6 +271,9 @@ class Machine(Part):
     cracks: tuple[Crack, ...] = ()
     poles: Poles | None = None
     shapes: tuple[GapShape, ...] = ()
+    gravity: Gravity | None = None
+    loads: tuple[Load, ...] = ()
+    bows: tuple[Bow, ...] = ()
 
     def __post_init__(self) -> None:
         nickname("name", self.name)
@@ -287,7 +293,8 @@ class Machine(Part):
     def _misplaced(self) -> Iterator[Fault]:
         """Names used twice, parts off the shaft."""
         placed: tuple[Any, ...] = (*self.bodies, *self.all_bearings)
-        groups: tuple[tuple[Any, ...], ...] = (placed, self.cracks, self.shapes)
+        groups: tuple[tuple[Any, ...], ...] = (placed, self.cracks, self.shapes, self.loads,
+                                               self.bows)
         for group in groups:
             names = Counter(part.name for part in group)
             for part in group:
@@ -296,9 +303,10 @@ class Machine(Part):
                                                "twice; names must differ.")
         allowed = (f"the nodes are 0 to {self.nodes - 1}" if self.shaft
                    else "without a shaft the only node is 0")
-        for part in placed:
-            if part.node >= self.nodes:
-                yield f"{part.key}.node", f"is {shown(part.node)}, off the shaft; {allowed}."
+        for part in (*placed, *self.loads, *self.bows):
+            for name in {"node", "end_node"} & declared(type(part)).keys():
+                if (node := getattr(part, name)) >= self.nodes:
+                    yield f"{part.key}.{name}", f"is {shown(node)}, off the shaft; {allowed}."
 
     def _cracked(self, shaft: Shaft) -> Iterator[Fault]:
         """Cracks that cannot be in this shaft."""
@@ -314,14 +322,15 @@ class Machine(Part):
         """What a machine without a shaft cannot have."""
         if not self.bodies:
             yield "bodies", "is empty; a machine without a shaft needs a body."
-        for body in self.bodies:
-            if body.offset:
-                yield f"{body.key}.offset", (f"is {body.offset:g} m; without a shaft nothing "
+        for part in (*self.bodies, *self.loads):
+            if part.offset:
+                yield f"{part.key}.offset", (f"is {part.offset:g} m; without a shaft nothing "
                                              "tilts, so it must be 0.")
         for bearing in self.thrust_bearings:
             yield f"{bearing.key}.tilt_stiffness", "has no meaning without a shaft."
-        for crack in self.cracks:
-            yield crack.key, "has no shaft to be in; a machine without a shaft has no cracks."
+        for part in (*self.cracks, *self.bows):
+            yield part.key, ("has no shaft to be in; a machine without a shaft has no "
+                             f"{part.table}.")
         if self.damping:
             yield "damping.ratio", ("needs two distinct modes; without a shaft there is one, so "
                                     "give the bearing a damping instead.")
@@ -371,8 +380,8 @@ class Machine(Part):
         if shaft := self.shaft:
             most, what = LONG * shaft.length, f"{LONG} times the shaft's {shaft.length:g} m"
             yield "shaft.diameter", float(shaft.diameter.max()), most, what
-            for body in self.bodies:
-                yield f"{body.key}.offset", body.offset, most, what
+            for part in (*self.bodies, *self.loads):
+                yield f"{part.key}.offset", part.offset, most, what
             for film in self.films:
                 yield (f"{film.key}.journal_radius", film.journal_radius,
                        WIDE * shaft.thickness(film.node), f"{WIDE} times shaft.diameter there")
@@ -419,7 +428,7 @@ class Machine(Part):
     def parts(self) -> list[Part]:
         """The machine itself and its parts, in the order in which they are printed."""
         parts = (self, self.shaft, *self.bodies, *self.all_bearings, *self.cracks, self.poles,
-                 *self.shapes, self.damping, self.air_gap)
+                 *self.shapes, self.damping, self.air_gap, self.gravity, *self.loads, *self.bows)
         return [part for part in parts if part is not None]
 
     def _owners(self) -> dict[str, tuple[Part, str]]:

@@ -22,14 +22,26 @@ from hydrolab.errors import BadInput
 
 SMALLEST, LARGEST = 1e-30, 1e30  # beyond these, powers of a number leave the range of floats
 TABLE = 1e3  # a matrix whose second column is larger by this is a table of speeds
+LB, G0 = 0.45359237, 9.80665  # kg, m/s²: the pound, and the fall that makes it a pound-force
 UNITS: dict[str, dict[str, tuple[float, float]]] = {
-    "m": {"m": (1, 1), "mm": (1, 1000), "µm": (1, 1_000_000)},
-    "kg": {"kg": (1, 1), "t": (1000, 1)},
-    "kg m": {"kg m": (1, 1), "kg mm": (1, 1000)},
-    "kg m^2": {"kg m^2": (1, 1), "t m^2": (1000, 1)},
-    "rad/s": {"rad/s": (1, 1), "rpm": (math.pi, 30)},
-    "rad": {"rad": (1, 1), "deg": (math.pi, 180)},
-    "Pa": {"Pa": (1, 1), "GPa": (1_000_000_000, 1)},
+    "m": {"m": (1, 1), "mm": (1, 1000), "µm": (1, 1_000_000), "in": (254, 10_000),
+          "mil": (254, 10_000_000)},
+    "kg": {"kg": (1, 1), "t": (1000, 1), "lb": (LB, 1)},
+    "kg m": {"kg m": (1, 1), "kg mm": (1, 1000), "t mm": (1, 1), "g mm": (1, 1_000_000)},
+    # GD², by the diameter of gyration, is four times the moment of inertia
+    "kg m^2": {"kg m^2": (1, 1), "t m^2": (1000, 1), "kg m^2 GD2": (1, 4), "t m^2 GD2": (1000, 4),
+               "lb ft^2": (LB * 0.3048**2, 1)},
+    "rad/s": {"rad/s": (1, 1), "rpm": (math.pi, 30), "Hz": (2 * math.pi, 1)},
+    "rad": {"rad": (1, 1), "deg": (math.pi, 180), "mm/m": (1, 1000)},
+    "Pa": {"Pa": (1, 1), "MPa": (1_000_000, 1), "GPa": (1_000_000_000, 1),
+           "psi": (LB * G0 / 0.0254**2, 1)},
+    "N": {"N": (1, 1), "kN": (1000, 1), "lbf": (LB * G0, 1)},
+    "N/m": {"N/m": (1, 1), "N/µm": (1_000_000, 1), "kN/mm": (1_000_000, 1),
+            "MN/m": (1_000_000, 1), "GN/m": (1_000_000_000, 1), "lbf/in": (LB * G0 / 0.0254, 1)},
+    "N s/m": {"N s/m": (1, 1), "kN s/m": (1000, 1), "MN s/m": (1_000_000, 1),
+              "lbf s/in": (LB * G0 / 0.0254, 1)},
+    "N m/rad": {"N m/rad": (1, 1), "MN m/rad": (1_000_000, 1), "GN m/rad": (1_000_000_000, 1)},
+    "N m s/rad": {"N m s/rad": (1, 1), "MN m s/rad": (1_000_000, 1)},
     "1": {"1": (1, 1), "%": (1, 100)},
 }  # SI unit → accepted → (a, b), SI value = value · a / b; others are accepted in SI only
 
@@ -133,8 +145,11 @@ def whole_field(meaning: str, example: int, **limits: Any) -> Any:
 
 
 def declared(kind: type[Part]) -> dict[str, Held]:
-    """What each declared field of a kind of part holds, by its name, in the order of the class."""
-    return {f.name: f.metadata["held"] for f in fields(kind) if "held" in f.metadata}
+    """What each declared field of a kind of part holds, by its name, in the order of the class;
+    those that are given by name only come last.
+    """
+    return {f.name: f.metadata["held"] for f in sorted(fields(kind), key=lambda f: f.kw_only)
+            if "held" in f.metadata}
 
 
 def numbers_of(kind: type[Part]) -> dict[str, Held]:

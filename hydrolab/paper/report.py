@@ -56,11 +56,12 @@ def machine_record(study: Study) -> dict[str, Any]:
         "damping": {**ratio, "alpha": alpha, "beta": beta},
         "air_gap": part_record(machine.air_gap) if machine.air_gap else None}
     # what the paper's machine does not have, where there is some
-    for key in (*(kind.group for kind in BEARINGS[2:]), "cracks", "shapes"):
+    for key in (*(kind.group for kind in BEARINGS[2:]), "cracks", "shapes", "loads", "bows"):
         if parts := getattr(machine, key):
             record[key] = [part_record(part) for part in parts]
-    if machine.poles:
-        record["poles"] = part_record(machine.poles)
+    for key in ("poles", "gravity"):
+        if part := getattr(machine, key):
+            record[key] = part_record(part)
     return record
 
 

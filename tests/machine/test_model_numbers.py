@@ -122,8 +122,9 @@ def test_bearings_carry_what_the_machine_needs(name):
                for s in model.supports.values())
     u = model.relative(orbit.coordinates(phase), orbit.centre[:, None])
     pull = model.selection[:2].T @ model.pull(u, phase, orbit.speed)
-    shaken = orbit.speed**2 * (np.outer(model.unbalance_sin, np.sin(phase))
-                               + np.outer(model.unbalance_cos, np.cos(phase)))
+    still, turning = model.loads(orbit.speed)
+    still = still - sum(s.offset @ s.stiffness @ s.rows for s in model.supports.values())
+    shaken = still[:, None] + np.outer(turning, np.exp(1j * phase)).real
     inertia = model.M @ a
     per_node = 2 if machine.shaft is None else 4
     for axis in (0, 1):  # a rigid shift along x or z does no work on the shaft itself
