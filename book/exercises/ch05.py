@@ -1,9 +1,10 @@
-"""Chapter 5: the fold of an ellipse, the field that moves a fold, a branch over the speed, and an
-unguarded product.
+"""Chapter 5: the fold of an ellipse, the field that moves a fold, a stable stretch over the speed,
+a count that is too coarse, and an unguarded product.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from itertools import islice, pairwise
 
@@ -11,7 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from hydrolab import Arclength, floquet, follow, load_machine, rpm
+from hydrolab import (
+    Arclength,
+    branch_stability,
+    floquet,
+    follow,
+    load_machine,
+    orbits_at,
+    rpm,
+)
 from hydrolab.course.answers import Exercise, Mistake
 from hydrolab.dynamics.branches import Branch
 from hydrolab.dynamics.continuation import arclength, locate_fold
@@ -42,10 +51,16 @@ def fold_of_ellipse() -> float:
 
 
 @cache
-def branch() -> Branch:
-    """The branch at the top of the chapter."""
-    return follow(model(), "static_eccentricity", to=0.2, speed=rpm(150),
+def branch(damping: float = 1.0) -> Branch:
+    """The chapter's branch over the eccentricity, with a share of its damping."""
+    lighter = replace(model(), C=damping * model().C)
+    return follow(lighter, "static_eccentricity", to=0.2, speed=rpm(150),
                   method=Arclength(max_folds=3))
+
+
+def unstable_at(eccentricity: float) -> list[int]:
+    """Unstable exponents of each of its steady states with 3 % of its damping."""
+    return [floquet(orbit).outside for orbit in orbits_at(branch(0.03), eccentricity)]
 
 
 def fold_with_field(ratio: float) -> float:
@@ -61,14 +76,12 @@ def field_factor(fold: float) -> float:
 
 
 @cache
-def over_speed(eccentricity: float, start: float = 100.0) -> Branch:
-    """The branch over the speed at an eccentricity, from a start up to 400 rpm."""
-    return follow(model(), "speed", to=rpm(400), speed=rpm(start), static_eccentricity=eccentricity)
-
-
-def folds(of: Branch) -> list[float]:
-    """The values of a branch's folds."""
-    return [fold.value for fold in of.folds]
+def over_speed() -> tuple[list[float], float]:
+    """Of the branch over the speed at 3 %: its first three folds and the flip between, rpm."""
+    along = follow(model(), "speed", to=rpm(400), speed=rpm(100), static_eccentricity=0.03,
+                   method=Arclength(max_folds=3))
+    return ([fold.value / rpm(1) for fold in along.folds],
+            branch_stability(along).flips[0].value / rpm(1))
 
 
 def trapped(answer: list[float]) -> str:
@@ -100,11 +113,31 @@ EXERCISES = {
         Mistake(lambda right: 1 / right, "More field brings the fold down, not less."),
         Mistake(lambda right: field_factor(0.10), "This brings the fold to 10 % of the gap."),
     )),
-    "5.3": Exercise(lambda: over_speed(0.03), see="Eq. (5.1)", measure=folds, mistakes=(
-        Mistake(lambda right: over_speed(0.0),
-                "The stator stands in the centre here; give `static_eccentricity`."),
-        Mistake(lambda right: over_speed(0.05), "This is the branch at 5 %."),
-        Mistake(lambda right: branch(), "This follows the eccentricity; follow the speed."),
+    "5.3": Exercise(lambda: [over_speed()[1], over_speed()[0][2]], see="What happens at the fold",
+                    unit="rpm", rtol=0.002, mistakes=(
+        Mistake(lambda right: over_speed()[0][1:],
+                "These are the folds. A leg need not be stable from end to end: look where "
+                "multipliers pass the circle elsewhere."),
+        Mistake(lambda right: right[::-1], "These are the two ends, in the other order."),
+        Mistake(lambda right: [100.0, over_speed()[0][0]],
+                "This is the stable part of the first leg; the third is asked for."),
+        Mistake(lambda right: [over_speed()[0][1], right[0]],
+                "This is the part of the third leg that is unstable."),
     )),
-    "5.4": Exercise(lambda: [branch().folds[0].after + 2, 8], see="A trap", reply=trapped),
+    "5.4": Exercise(lambda: unstable_at(0.02), see="Eq. (5.7)", mistakes=(
+        Mistake(lambda right: [n - 2 for n in right],
+                "No number of exponents is negative. The samples are too far apart: whole turns "
+                "of f pass between two of them."),
+        Mistake(lambda right: [abs(n - 2) for n in right],
+                "A sign does not mend a count: take more samples, until it stays."),
+        Mistake(lambda right: [max(n - 2, 0) for n in right],
+                "Nothing below zero was counted, but the count is wrong where it looks right, "
+                "too: take more samples."),
+        Mistake(lambda right: right[::-1], "In the order of `orbits_at`."),
+    )),
+    "5.5": Exercise(lambda: [branch().folds[0].after + 2, 8], see="A trap", reply=trapped, rubric=(
+        (1, "an orbit that is unstable by the count"),
+        (1, "a product that says stable, and its number of steps"),
+        (1, "why such orbits lie near a fold"),
+        (1, "a check that would have caught it, such as twice the steps"))),
 }

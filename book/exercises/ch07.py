@@ -1,15 +1,15 @@
-"""Chapter 7: a body on an arm, critical speeds, Rayleigh's coefficients, a bearing for runaway."""
+"""Chapter 7: a body on an arm, critical speeds of 2X and of an eccentric unit, Rayleigh's least, a
+bearing for runaway.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
 from functools import cache
 
-import numpy as np
-
-from hydrolab import campbell, load_machine, modes, rpm, vary
+from hydrolab import HarmonicBalance, critical_speeds, load_machine, modes, rpm, vary
 from hydrolab.course.answers import Exercise, Mistake
-from hydrolab.dynamics.modes import Campbell
+from hydrolab.dynamics.modes import CriticalSpeeds
 from hydrolab.machine.parts import Machine
 
 BEARING = "bearings.generator guide bearing.stiffness"
@@ -21,78 +21,93 @@ def unit() -> Machine:
     return load_machine("kaplan-150rpm")
 
 
-def inertia() -> float:
-    """Tilting inertia of the generator about the shaft top, kg m²."""
-    body = unit().body("generator")
-    return body.Id + body.mass * body.offset**2
+@cache
+def critical(pull: bool = True, order: float = 1.0) -> CriticalSpeeds:
+    """Critical speeds of the centred unit, with or without the pull."""
+    return critical_speeds(unit().model(), pull=pull, order=order)
 
 
 @cache
-def crossings() -> Campbell:
-    """Campbell diagram of the three-disc rotor without damping."""
-    model = load_machine("three-disc").model()
-    return campbell(replace(model, C=0 * model.C), np.linspace(0, rpm(30000), 61), branches=8)
+def off_centre(eccentricity: float) -> CriticalSpeeds:
+    """Critical speeds under the pull of the orbit at an eccentricity."""
+    orbit = HarmonicBalance(harmonics=4).solve(unit().model(), unit().speed, eccentricity)
+    return critical_speeds(unit().model(), pull=orbit)
+
+
+def in_rpm(found: CriticalSpeeds, direction: str = "forward") -> float:
+    """The first of one direction."""
+    return float(found.of(direction)[0]) / rpm(1)
+
+
+def above_rated(speed: float) -> float:
+    """How far a speed, rpm, lies above the rated one, % of it."""
+    return 100 * (speed * rpm(1) / unit().speed - 1)
 
 
 @cache
-def distinct() -> tuple[float, float]:
-    """First two distinct frequencies of the unit at rest without field, rad/s."""
-    model = unit().model().with_field(0)
-    first, second = modes(replace(model, C=0 * model.C)).frequencies[:4:2]
-    return float(first), float(second)
-
-
-def beta(ratio: float) -> float:
-    """β for equal ratios in both modes, s."""
-    return 2 * ratio / sum(distinct())
+def least(first: int, last: int) -> float:
+    """Least damping ratio, %, between two distinct modes of the unit that have 1 %."""
+    still = modes(unit().model().with_field(0)).frequencies[::2]
+    a, b = still[first - 1], still[last - 1]
+    return float(2 * math.sqrt(a * b) / (a + b))
 
 
 def runaway(factor: float) -> str:
-    """Where the first forward critical speed is, with the linear pull, for a stiffer or softer
-    guide bearing.
+    """Where the first forward critical speed is, with the pull, for a stiffer or softer guide
+    bearing.
     """
     if not 0.3 <= factor <= 100:
         return f"noted, but {factor:g} is no factor from 0.3 to 100."
-    model = vary(unit(), {BEARING: factor * unit().bearings[0].stiffness[0, 0]}).model()
-    pull = model.law.stiffness * model.selection.T @ model.selection
-    bare = replace(model.with_field(0), C=0 * model.C, K=model.K - pull)
-    for critical in campbell(bare, np.linspace(1, rpm(1500), 60), branches=6).critical_speeds:
-        found = modes(bare, critical)
-        if found.direction[np.abs(found.frequencies - critical).argmin()] == "forward":
-            verdict = "above" if critical >= rpm(450) else "below"
-            return (f"noted. The first forward critical speed is {critical / rpm(1):.0f} rpm, "
-                    f"{verdict} the 450 that were asked for.")
-    return "noted. There is no forward critical speed below 1500 rpm."
+    stiff = vary(unit(), {BEARING: factor * unit().bearings[0].stiffness[0, 0]})
+    found = in_rpm(critical_speeds(stiff.model(), pull=True))
+    return (f"noted. The first forward critical speed is {found:.0f} rpm, "
+            f"{'above' if found >= 450 else 'below'} the 450 that were asked for.")
 
 
 ARM, CRITICAL = "A body at the end of an arm", "Critical speeds, by hand"
-DAMPING = "Damping, and what it is worth"
+UNIT, DAMPING = "The unit, its pull and its runaway", "Damping, and what it is worth"
 
 EXERCISES = {
-    "7.1": Exercise(lambda: inertia() / 1e3, see="Eq. (7.2)", rtol=0.005, mistakes=(
-        Mistake(lambda right: unit().body("generator").Id / 1e3,
-                "The arm is missing: Steiner's theorem.", see=ARM),
-        Mistake(
-                lambda right: 1e-3 * (unit().body("generator").Ip + inertia()
-                                      - unit().body("generator").Id),
-                "This has Ip in place of Id.", see=ARM),
-        Mistake(lambda right: 1e3 * right, "This is in kg m².", see=ARM),
+    "7.1": Exercise(lambda: 90 + 60 * 0.7**2, see="Eq. (7.2)", rtol=0.002, mistakes=(
+        Mistake(lambda right: 90.0, "The arm is missing: Steiner's theorem.", see=ARM),
+        Mistake(lambda right: 60 * 0.7**2, "This is what the arm adds; the body has its own.",
+                see=ARM),
+        Mistake(lambda right: 90 - 60 * 0.7**2, "The arm adds inertia on either side.", see=ARM),
+        Mistake(lambda right: 90 + 60 * 0.7, "The arm counts with its square.", see=ARM),
     )),
-    "7.2": Exercise(lambda: float(crossings().critical_speeds[2] / rpm(1)), see="Eq. (7.5)",
-                    unit="rpm", rtol=0.005, mistakes=(
-        Mistake(lambda right: float(crossings().hertz[0, 2] * 60),
-                "This is the third natural frequency at rest.", see=CRITICAL),
-        Mistake(lambda right: float(crossings().critical_speeds[1] / rpm(1)),
-                "This is the second one.", see=CRITICAL),
-        Mistake(lambda right: float(crossings().critical_speeds[3] / rpm(1)),
-                "This is the fourth one.", see=CRITICAL),
+    "7.2": Exercise(lambda: in_rpm(critical(order=2)), see="Eq. (7.5)", unit="rpm", rtol=0.005,
+                    mistakes=(
+        Mistake(lambda right: in_rpm(critical()) / 2,
+                "This is half of what 1X meets. At that speed the spin has lifted the mode; at "
+                "half of it not yet.", see=CRITICAL),
+        Mistake(lambda right: in_rpm(critical(order=2), "backward"), "This one is backward.",
+                see=CRITICAL),
+        Mistake(lambda right: in_rpm(critical(False, 2)), "This is without the pull.", see=UNIT),
+        Mistake(lambda right: in_rpm(critical()), "Here 1X meets the mode.", see=CRITICAL),
     )),
-    "7.3": Exercise(lambda: 1e3 * beta(0.05), see="Eq. (7.6)", unit="ms", mistakes=(
-        Mistake(lambda right: right / 5, "This is for 1 %.", see=DAMPING),
-        Mistake(lambda right: 2 * np.pi * right, "Frequencies in Hz stand where rad/s belong.",
+    "7.3": Exercise(lambda: least(1, 3), see="Eq. (7.6)", unit="%", rtol=0.002, mistakes=(
+        Mistake(lambda right: 1.0, "So much they get at both ends; between them it is less.",
                 see=DAMPING),
-        Mistake(lambda right: right / 2, "The ratio is βω/2, so β has a factor of two.",
-                see=DAMPING),
+        Mistake(lambda right: least(1, 2),
+                "This is the least between the first and the second mode.", see=DAMPING),
+        Mistake(lambda right: right / 2, "Both parts of (7.6) count.", see=DAMPING),
     )),
-    "7.4": Exercise(lambda: 1.7, see="The unit and its runaway", reply=runaway),
+    "7.4": Exercise(lambda: above_rated(in_rpm(off_centre(0.08), "backward")), see=UNIT, unit="%",
+                    mistakes=(
+        Mistake(lambda right: above_rated(in_rpm(critical(False), "backward")),
+                "This list has no pull in it."),
+        Mistake(lambda right: above_rated(in_rpm(critical(), "backward")),
+                "This is the pull of the centred rotor."),
+        Mistake(lambda right: above_rated(in_rpm(off_centre(0.05), "backward")),
+                "This is the pull of the orbit at 5 %."),
+        Mistake(lambda right: above_rated(in_rpm(off_centre(0.08))),
+                "An eccentric pull lets an unbalance drive backward modes, too."),
+        Mistake(lambda right: right / (1 + right / 100),
+                "This is a share of the critical speed; of the rated one is asked."),
+    )),
+    "7.5": Exercise(lambda: 1.7, see=UNIT, reply=runaway, rubric=(
+        (1, "a factor that meets the 450 rpm"),
+        (1, "a look at the backward critical speeds, which an eccentric pull excites"),
+        (1, "what a stiffer bearing costs, such as the force that it carries"),
+        (1, "a second factor, which shows that each step gains less"))),
 }

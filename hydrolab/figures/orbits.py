@@ -177,7 +177,7 @@ def branch_picture(branch: Branch, stability: Sequence[Floquet] | None = None) -
     draw_branch(right, branch, lambda c: first_along(branch, c), stability)
     left.set_ylabel("mean displacement, µm")
     right.set_ylabel("1X amplitude, µm (0-to-peak)")
-    left.legend(loc="lower left")
+    left.legend(loc="best")
     scale, label = parameter_axis(branch)
     figure.supxlabel(label)
     figure.suptitle(f"Steady states, {direction_words(branch)}")
