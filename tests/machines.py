@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from hydrolab import load_machine
-from hydrolab.machine.bearings import JournalFilm, PadBearing, RadialBearing
+from hydrolab.machine.bearings import JournalFilm, PadBearing, RadialBearing, Seal, TableBearing
 from hydrolab.machine.crack import Crack
 from hydrolab.machine.gap_shape import GapShape
 from hydrolab.machine.loads import Bow, Gravity, Load
@@ -80,6 +80,13 @@ MACHINES: dict[str, Callable[[], Machine]] = {
     "pads, crack and oval stator": lambda: guided(pad_bearings=(PADS,), cracks=(CRACK,),
                                                   shapes=(OVAL,)),
     "loaded": loaded,
+    "plant's bearings": lambda: guided(
+        tables=(TableBearing("oil", UPPER, [0.0, 10.0, 40.0], [1.5e9, [1.4e9, 1e8, -1e8, 1.3e9],
+                                                               1.2e9], [1e6, 1e6, 5e5],
+                             bracket_stiffness=8e9, bracket_mass=9e3, z=3e-5),),
+        seals=(Seal("labyrinth", 12, -5e7, 1e6, 2e5, 1e4, 2e3),)),
+    "bush": lambda: unit(bearings=(
+        replace(unit().bearings[0], clearance=2e-5, damping=1e6), unit().bearings[1])),
     "unlike directions": lambda: jeffcott(bearings=(
         RadialBearing("springs", 0, [2.4e8, 3.0e8], 1.3e6),)),
 }

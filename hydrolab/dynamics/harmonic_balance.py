@@ -214,6 +214,7 @@ def condense(model: Model, speed: float, harmonics: int, samples: int, revolutio
     Raises BadInput where the machine can move freely (no static stiffness), the speed is a
     resonance without damping, or one nonlinear coordinate depends on others.
     """
+    model = model.at(speed)
     n, c, length = model.size, len(model.selection), length or model.length_scale
     amplitudes = np.zeros((harmonics + 1, n), dtype=complex)
     recovery = np.empty((harmonics + 1, n, c), dtype=complex)

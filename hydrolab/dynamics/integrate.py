@@ -397,6 +397,7 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
     """
     require_model(model)
     speed = turning(speed)
+    model = model.at(speed)
     if not isinstance(method, Integrator):
         raise BadInput(f"method is {shown(method)}; it must be a CentralDifference, a Newmark or a "
                        "RungeKutta.")

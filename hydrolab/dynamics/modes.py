@@ -9,7 +9,7 @@ the mean slope of all laws can be taken into K and C, and what is printed says w
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
@@ -30,6 +30,7 @@ EQUAL = 1e-9  # eigenvalues closer than this fraction of |λ| are double: their 
 PLANAR = 1e-6  # whirl below this is motion along a line
 PEAK = 1 / math.sqrt(2)  # a damping ratio above which a resonance has no peak
 LOST = 0.99  # a damping ratio above which a mode is not recognised any more
+MEETINGS = 40  # steps in which a critical speed of bearings that change with it is found
 SHOWN = 6  # critical speeds of one direction that are printed
 # of the rated speed: overspeed after load rejection, and runaway of a Kaplan turbine, the highest
 OVERSPEED, RUNAWAY = 1.4, 2.5
@@ -60,6 +61,11 @@ class LinearModel(Protocol):
 
     def velocity_matrix(self, speed: float) -> NDArray:
         """C + Ω G."""
+
+
+def at_speed(model: Any, speed: float) -> Any:
+    """A model with its bearings as they are at a speed, rad/s, where they change with it."""
+    return model.at(abs(speed)) if hasattr(model, "at") else model
 
 
 def senses(whirl: NDArray) -> tuple[str, ...]:
@@ -132,6 +138,7 @@ def modes(model: LinearModel, speed: float = 0.0) -> Modes:
     require_model(model)
     if not math.isfinite(speed):
         raise BadInput(f"speed is {speed}; it must be a finite number of rad/s.")
+    model = at_speed(model, speed)
     R, K, D = mass_scaled(model.M, model.K, model.velocity_matrix(speed))
     n = len(K)
     fastest = math.sqrt(np.linalg.norm(K, 2)) or 1.0  # puts positions and velocities on one scale
@@ -152,8 +159,9 @@ def modes(model: LinearModel, speed: float = 0.0) -> Modes:
 
 
 def _whirl(model: LinearModel, shapes: NDArray) -> NDArray:
-    per_node = len(model.shaft_map) // len(model.depths)
-    return whirl_of(*((model.shaft_map @ shapes)[dof::per_node] for dof in range(per_node)))
+    count, moved = len(model.depths), model.shaft_map @ shapes
+    per_node = min(4, len(moved) // count)  # brackets come after the nodes
+    return whirl_of(*(moved[dof:count * per_node:per_node] for dof in range(per_node)))
 
 
 def whirl_of(x: NDArray, z: NDArray, tilt_x: ArrayLike = 0.0, tilt_z: ArrayLike = 0.0) -> NDArray:
@@ -278,15 +286,33 @@ def critical_speeds(model: LinearModel, *, pull: bool | PeriodicOrbit = False, o
 
     pull: False leaves the force laws out; True takes their slope at rest in the middle of the gap;
     a steady state takes their mean slope along it. Asymmetric bearings, seals and slopes are
-    exact. rated, overspeed, runaway: speeds (rad/s) whose margins are printed; where only the rated
-    one is given, 1.4 and 2.5 times that.
+    exact; bearings of tables are as they are at each speed found. rated, overspeed, runaway: speeds
+    (rad/s) whose margins are printed; where only the rated one is given, 1.4 and 2.5 times that.
 
     Raises BadInput where the machine can move freely, or for what is no model.
     """
     require_model(model)
     there, forces = _under(model, pull)
-    n, size, eps = float(order), len(there.K), np.finfo(float).eps
-    if not np.linalg.cond(there.K, 1) < 1 / eps:
+    n = float(order)
+    speeds, ratios, shapes = _free(there, n)
+    low, high = getattr(model, "known_speeds", (0.0, math.inf))
+    if math.isfinite(high):
+        speeds, ratios, shapes = _met(lambda w: _free(_under(at_speed(model, w), pull)[0], n),
+                                      there.M, low, high)
+        forces += (f", between {low * 30 / np.pi:.4g} and {high * 30 / np.pi:.4g} rpm, where the "
+                   "tables of its bearings go")
+    marks = {"rated speed": rated, "overspeed": overspeed or (rated and OVERSPEED * rated),
+             "runaway speed": runaway or (rated and RUNAWAY * rated)}
+    return CriticalSpeeds(speeds, ratios, _whirl(model, shapes), shapes, n, forces,
+                          {name: float(s) for name, s in marks.items() if s})
+
+
+def _free(there: Any, n: float) -> tuple[NDArray, NDArray, NDArray]:
+    """Critical speeds of order n of a model whose matrices do not change with the speed, ascending,
+    with their damping ratios and shapes.
+    """
+    size = len(there.K)
+    if not np.linalg.cond(there.K, 1) < 1 / np.finfo(float).eps:
         raise BadInput("the machine can move freely, so it has no critical speeds; give it "
                        "bearings.")
     flexible = np.linalg.inv(there.K)
@@ -300,11 +326,36 @@ def critical_speeds(model: LinearModel, *, pull: bool | PeriodicOrbit = False, o
     keep = np.flatnonzero((speeds.real > 0) & (np.abs(ratios) < PEAK))
     keep = keep[np.argsort(np.abs(speeds[keep]))]
     shapes = vectors[size:, keep]
-    shapes = shapes / np.sqrt(np.einsum("im,ij,jm->m", shapes.conj(), there.M, shapes).real)
-    marks = {"rated speed": rated, "overspeed": overspeed or (rated and OVERSPEED * rated),
-             "runaway speed": runaway or (rated and RUNAWAY * rated)}
-    return CriticalSpeeds(np.abs(speeds[keep]), ratios[keep], _whirl(model, shapes), shapes, n,
-                          forces, {name: float(s) for name, s in marks.items() if s})
+    return np.abs(speeds[keep]), ratios[keep], shapes / np.sqrt(
+        np.einsum("im,ij,jm->m", shapes.conj(), there.M, shapes).real)
+
+
+def _met(free: Callable[[float], tuple[NDArray, NDArray, NDArray]], M: NDArray, low: float,
+         high: float) -> tuple[NDArray, NDArray, NDArray]:
+    """Speeds w from low to high at which a critical speed of the machine as it is at w is w itself;
+    returns as `free` does.
+    """
+    found: list[tuple[float, float, NDArray]] = []
+    for start in np.linspace(low, high, 3):
+        speeds, ratios, shapes = free(float(start))
+        for j in np.flatnonzero(speeds <= 2 * high):
+            speed, ratio, shape = float(np.clip(speeds[j], low, high)), ratios[j], shapes[:, j]
+            for _ in range(MEETINGS):
+                speeds_there, ratios_there, shapes_there = free(speed)
+                i = int(np.abs(shapes_there.conj().T @ M @ shape).argmax())
+                last, speed = speed, float(speeds_there[i])
+                ratio, shape = ratios_there[i], shapes_there[:, i]
+                if not low <= speed <= high or abs(speed - last) <= EQUAL * speed:
+                    break
+            else:
+                continue
+            known = any(abs(speed - s) < 1e-6 * s and abs(shape.conj() @ M @ other) > 0.5
+                        for s, _, other in found)
+            if low <= speed <= high and not known:
+                found.append((speed, float(ratio), shape))
+    found.sort(key=lambda one: one[0])
+    return (np.array([one[0] for one in found]), np.array([one[1] for one in found]),
+            np.array([one[2] for one in found]).reshape(len(found), len(M)).T)
 
 
 @dataclass(frozen=True, eq=False)

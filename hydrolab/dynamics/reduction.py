@@ -47,6 +47,7 @@ def reduce(model: Model, modes: int = 12, gyroscopic: bool = False, *, speed: fl
     """
     require_model(model)
     whole("modes", modes, 1)
+    model = model if speed is None else model.at(speed)
     if not np.linalg.cond(model.K, 1) < 1 / SINGULAR:
         raise BadInput(f"{model.name} can move freely, so it has no static deflection; give it "
                        "bearings.")

@@ -231,9 +231,7 @@ class PeriodicOrbit:
 
         place: its number, its depth in m (a float), or the name of a body or a bearing there.
         """
-        node, dofs = self.model.node_at(place), self.model.shaft_map @ self.shaft
-        per_node = len(dofs) // len(self.model.depths)
-        return dofs[per_node * node:per_node * node + 2]
+        return self.model.at_nodes(self.shaft)[self.model.node_at(place), :2]
 
     @cached_property
     def bearing_forces(self) -> dict[str, BearingForce]:

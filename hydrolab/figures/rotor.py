@@ -34,10 +34,8 @@ def body_coefficients(machine: Machine, orbit: PeriodicOrbit, name: str) -> NDAr
     (2, 2m + 1).
     """
     body = machine.body(name)
-    dofs = orbit.model.shaft_map @ orbit.shaft
-    per_node = len(dofs) // len(orbit.model.depths)
-    node = dofs[per_node * body.node:per_node * (body.node + 1)]
-    return (rigid_link(body.offset)[:2, :per_node] if per_node == 4 else np.eye(2)) @ node
+    node = orbit.model.at_nodes(orbit.shaft)[body.node]
+    return (rigid_link(body.offset)[:2] if len(node) == 4 else np.eye(2)) @ node
 
 
 def rotor_stations(machine: Machine, orbit: PeriodicOrbit) -> tuple[NDArray, NDArray]:

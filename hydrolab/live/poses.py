@@ -55,13 +55,13 @@ def stations(machine: Machine, orbit: PeriodicOrbit) -> Stations:
     """The stations of a machine on an orbit. A point mass is drawn in the middle of a shaft held at
     both ends.
     """
-    coefficients = orbit.model.shaft_map @ orbit.shaft
-    columns = coefficients.shape[1]
+    nodes = orbit.model.at_nodes(orbit.shaft)
+    columns = nodes.shape[2]
     if machine.shaft is None:
         disc = np.zeros((3, 4, columns))
-        disc[1, :2] = coefficients[:2]
+        disc[1, :2] = nodes[0]
         return Stations(np.array([-STUB, 0.0, STUB, 0.0]), np.concatenate([disc, disc[1:2]]), 3)
-    nodes, depths = coefficients.reshape(-1, 4, columns), machine.shaft.nodes
+    depths = machine.shaft.nodes
     bodies = [rigid_link(body.offset) @ nodes[body.node] for body in machine.bodies]
     ends = np.array([[crack.element, crack.element + 1] for crack in machine.cracks], int)
     middles = nodes[ends.reshape(-1, 2)].mean(axis=1)

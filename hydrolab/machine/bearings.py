@@ -5,20 +5,25 @@ journal film; the laws of the last two, and the parts a card makes them of.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hydrolab.errors import BadInput
 from hydrolab.machine.pull import ForceLaw, Linear, quiet
 from hydrolab.machine.quantities import (
     Fault,
     Part,
+    Read,
     bearing_matrix,
+    frozen,
     number_field,
+    shown,
     text_field,
+    vector,
     whole_field,
 )
 
@@ -194,9 +199,41 @@ class Bearing(Part):
         """What is not linear in it at a speed (rad/s) of the machine; None for a linear bearing."""
         return None
 
-    def matrices(self) -> tuple[NDArray, NDArray]:
-        """Stiffness, N/m, and damping, N s/m, of a linear bearing, both (2, 2)."""
+    def matrices(self, speed: float = 0.0) -> tuple[NDArray, NDArray]:
+        """Stiffness, N/m, and damping, N s/m, of a linear bearing at a speed, rad/s, both (2, 2).
+        """
         return np.zeros((2, 2)), np.zeros((2, 2))
+
+
+@dataclass(frozen=True)
+class Bush(BearingLaw):
+    """A linear bearing that holds the journal beyond a clearance only, all around.
+
+    F = −K u (p(r − c) − p(−c))/r with r = |u| and p(d) = (d + √(d² + b²))/2, rounded over b.
+
+    stiffness: K by its rows, N/m. clearance: c, m. rounding: b, m. reference: as in `Pads`.
+    """
+
+    stiffness: tuple[float, float, float, float]
+    clearance: float
+    rounding: float
+    reference: float
+
+    @quiet
+    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+                  speed: float = 0.0) -> Linear:
+        """Force, N, and its derivative, N/m."""
+        b, c = self.rounding, self.clearance
+        r = np.maximum(np.hypot(u[0], u[1]), 1e-6 * b)
+        beyond = np.hypot(r - c, b)
+        share = (r + beyond - math.hypot(c, b)) / (2 * r)
+        steeper = ((1 + (r - c) / beyond) / 2 - share) / (r * r)
+        K = np.reshape(self.stiffness, (2, 2))
+        whole = np.tensordot(K, u, 1)
+        slope = -whole[:, None] * u * steeper
+        slope -= K.reshape(2, 2, *(1,) * (u.ndim - 1)) * share
+        slope[[0, 1], [0, 1]] += self.reference
+        return self.reference * u - whole * share, slope, None
 
 
 @dataclass(frozen=True)
@@ -219,11 +256,37 @@ class OutOfLine(BearingLaw):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Guide(Bearing):
-    """A bearing that holds the shaft sideways; its centre may be out of line."""
+    """A bearing that holds the shaft sideways. Its centre may be out of line, and it may stand in a
+    bracket that gives: a mass between two springs.
+    """
 
     x: float = number_field("m", "how far its centre is out of line along x", default=0.0,
-                            example=(0.1, "mm"))
+                            example=(0.1, "mm"), mirrored=True)
     z: float = number_field("m", "likewise along z", default=0.0, example=(-0.1, "mm"))
+    bracket_stiffness: NDArray | Any = number_field(
+        "N/m", "stiffness of the bracket it stands in, as of a bearing; 0 stands for no bracket",
+        form=bearing_matrix, default=0.0, example=(800, "kN/mm"), mirrored=True)
+    bracket_mass: float = number_field("kg", "mass of the bracket that moves", least=0, default=0.0,
+                                       example=(12, "t"))
+    bracket_damping: NDArray | Any = number_field("N s/m", "damping of the bracket", default=0.0,
+                                                  form=bearing_matrix, example=(100, "kN s/m"),
+                                                  mirrored=True)
+
+    @property
+    def fluid_mass(self) -> float:
+        """Mass of fluid that moves with the shaft in it, kg."""
+        return 0.0
+
+    @property
+    def has_bracket(self) -> bool:
+        """Whether it stands in a bracket."""
+        return bool(np.any(self.bracket_stiffness))
+
+    def disagreements(self) -> Iterator[Fault]:
+        """A bracket has stiffness and mass."""
+        if self.has_bracket != (self.bracket_mass > 0):
+            yield "bracket_mass", (f"is {self.bracket_mass:g} kg and {self.key}.bracket_stiffness "
+                                   "is" + " not" * self.has_bracket + " 0; a bracket has both.")
 
     def law(self, speed: float) -> BearingLaw | None:
         """What is not linear in it at a speed (rad/s) of the machine, about its centre; None for a
@@ -246,13 +309,56 @@ class RadialBearing(Guide):
     group = "bearings"
     stiffness: NDArray | Any = number_field(
         "N/m", "stiffness: one number (isotropic), [x, z] or [[xx, xz], [zx, zz]]; direct entries "
-        "at least 0", form=bearing_matrix, example=1.37e9)
+        "at least 0", form=bearing_matrix, example=1.37e9, mirrored=True)
     damping: NDArray | Any = number_field("N s/m", "damping, likewise", form=bearing_matrix,
-                                          default=0.0, example=1e6)
+                                          default=0.0, example=1e6, mirrored=True)
+    clearance: float = number_field("m", "how far the journal moves before it is held", least=0,
+                                    default=0.0, example=(50, "µm"))
 
-    def matrices(self) -> tuple[NDArray, NDArray]:
+    def matrices(self, speed: float = 0.0) -> tuple[NDArray, NDArray]:
         """Stiffness, N/m, and damping, N s/m."""
         return self.stiffness, self.damping
+
+    def law_in_line(self, speed: float) -> Bush | None:
+        """The bush of a bearing with clearance."""
+        if not self.clearance:
+            return None
+        (xx, xz), (zx, zz) = self.stiffness.tolist()
+        return Bush((xx, xz, zx, zz), self.clearance, 0.1 * self.clearance, max(xx, zz))
+
+
+@dataclass(frozen=True, eq=False)
+class Seal(Guide):
+    """A seal, or a runner in its clearance: force −k u + κ J u − c u̇ + χ J u̇ on the rotor, and the
+    mass of the fluid that moves with it, where J is the quarter turn with the spin, from z to x. So
+    the sign of the direct stiffness is free, and a positive cross stiffness drives forward whirl,
+    whichever way the axes of a textbook run.
+    """
+
+    noun = "a seal"
+    told_by = "seal_stiffness"
+    group = "seals"
+    seal_stiffness: float = number_field("N/m", "direct stiffness k; below 0 it pushes away from "
+                                         "the middle", example=(-80, "MN/m"))
+    cross_stiffness: float = number_field("N/m", "cross stiffness κ; above 0 it drives forward "
+                                          "whirl", default=0.0, example=(60, "MN/m"))
+    damping: float = number_field("N s/m", "direct damping c", least=0, default=0.0,
+                                  example=(400, "kN s/m"))
+    cross_damping: float = number_field("N s/m", "cross damping χ", default=0.0,
+                                        example=(50, "kN s/m"))
+    added_mass: float = number_field("kg", "mass of the fluid that moves with it", least=0,
+                                     default=0.0, example=(1.5, "t"))
+
+    @property
+    def fluid_mass(self) -> float:
+        """Mass of fluid that moves with the shaft in it, kg."""
+        return self.added_mass
+
+    def matrices(self, speed: float = 0.0) -> tuple[NDArray, NDArray]:
+        """Stiffness, N/m, and damping, N s/m."""
+        one, turn = np.eye(2), np.array([[0.0, 1.0], [-1.0, 0.0]])
+        return (self.seal_stiffness * one - self.cross_stiffness * turn,
+                self.damping * one - self.cross_damping * turn)
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,15 +371,17 @@ class ThrustBearing(Bearing):
     tilts = True
     tilt_stiffness: NDArray | Any = number_field(
         "N m/rad", "stiffness against tilt: one number, or [about x, about z]", form=bearing_matrix,
-        example=5e7)
+        example=5e7, mirrored=True)
     tilt_damping: NDArray | Any = number_field("N m s/rad", "damping of tilt, likewise",
-                                               form=bearing_matrix, default=0.0, example=1e6)
+                                               form=bearing_matrix, default=0.0, example=1e6,
+                                               mirrored=True)
     out_of_square: float = number_field("rad", "lean of the collar's face against the shaft, which "
                                         "turns with it", default=0.0, example=1e-4)
     phase: float = number_field("rad", "angle that the face leans to, from an unbalance of phase "
-                                "0, with the spin", default=0.0, example=(90, "deg"))
+                                "0, with the spin", default=0.0, example=(90, "deg"),
+                                mirrored=True)
 
-    def matrices(self) -> tuple[NDArray, NDArray]:
+    def matrices(self, speed: float = 0.0) -> tuple[NDArray, NDArray]:
         """Stiffness, N m/rad, and damping, N m s/rad."""
         return self.tilt_stiffness, self.tilt_damping
 
@@ -294,7 +402,7 @@ class PadBearing(Guide):
     clearance: float = number_field("m", "between each pad and the resting journal; negative is a "
                                     "preload", example=(150, "µm"))
     angle: float = number_field("rad", "gap angle of the first pad, from z towards x", default=0.0,
-                                example=(22.5, "deg"))
+                                example=(22.5, "deg"), mirrored=True)
     rounding: float = number_field(
         "m", "distance over which contact begins softly; 0 stands for a tenth of the clearance, or "
         "of a millimetre where there is none", least=0, default=0.0, example=(15, "µm"))
@@ -322,6 +430,7 @@ class JournalFilm(Guide):
 
     def disagreements(self) -> Iterator[Fault]:
         """A film is thin and short."""
+        yield from super().disagreements()
         if self.clearance > 0.1 * self.journal_radius:
             yield "clearance", (f"is {self.clearance:g} m; a film is thin, so it must be at most a "
                                 f"tenth of {self.key}.journal_radius, {self.journal_radius:g} m.")
@@ -337,4 +446,64 @@ class JournalFilm(Guide):
         return ShortFilm(damping, self.clearance, STIFF * math.pi / 4 * damping * speed)
 
 
-BEARINGS: tuple[type[Bearing], ...] = (RadialBearing, ThrustBearing, PadBearing, JournalFilm)
+ENTRIES = ("xx", "xz", "zx", "zz")
+
+
+def fours(one: Read, key: str, value: Any) -> NDArray:
+    """Return rows of four numbers, xx, xz, zx and zz, (rows, 4); one number in a row stands for an
+    isotropic bearing.
+    """
+    if isinstance(value, (str, Mapping)) or not np.iterable(value):
+        raise BadInput(f"{key} is {shown(value)}; it must be a list of rows [xx, xz, zx, zz].")
+    rows = [[v, 0.0, 0.0, v] if not np.iterable(v) else list(v) for v in value]
+    if any(len(row) != len(ENTRIES) for row in rows):
+        raise BadInput(f"{key} is {shown(value)}; each row must be one number or four, "
+                       "[xx, xz, zx, zz].")
+    return frozen(np.array([[one(f"{key}[{i}]", v) for v in row] for i, row in enumerate(rows)]))
+
+
+@dataclass(frozen=True, eq=False)
+class TableBearing(Guide):
+    """A linear radial bearing whose coefficients change with the speed, by straight lines between
+    the rows of a table. Beyond its ends it is not known, and refused.
+    """
+
+    noun = "a table over the speed"
+    told_by = "speeds"
+    group = "tables"
+    speeds: NDArray | Any = number_field(
+        "rad/s", "speeds of the rows, ascending; table = \"guide.csv\" takes all three keys from a "
+        "file beside the card", form=vector, least=0, example=([0, 150, 400], "rpm"))
+    stiffness_rows: NDArray | Any = number_field(
+        "N/m", "stiffness at each speed: rows [xx, xz, zx, zz], or one number where isotropic",
+        form=fours, mirrored=True, example=([1.4, 1.3, 1.2], "GN/m"))
+    damping_rows: NDArray | Any = number_field(
+        "N s/m", "damping at each speed, likewise", form=fours, mirrored=True,
+        example=([2, 2, 1], "MN s/m"))
+
+    def disagreements(self) -> Iterator[Fault]:
+        """Two speeds at least, ascending, and a row for each."""
+        yield from super().disagreements()
+        if len(self.speeds) < 2 or (np.diff(self.speeds) <= 0).any():
+            yield "speeds", f"is {shown(self.speeds)}; it must be two speeds or more, ascending."
+        for name in ("stiffness_rows", "damping_rows"):
+            if (rows := len(getattr(self, name))) != len(self.speeds):
+                yield name, f"has {rows} rows; {self.key}.speeds has {len(self.speeds)}."
+
+    def matrices(self, speed: float = 0.0) -> tuple[NDArray, NDArray]:
+        """Stiffness, N/m, and damping, N s/m, at a speed, rad/s.
+
+        Raises BadInput beyond the ends of the table.
+        """
+        low, high = self.speeds[[0, -1]]
+        if not low <= speed <= high:
+            ends, rpm = np.array([low, high, speed]) * 30 / np.pi, "rpm"
+            raise BadInput(f"{self.key} is a table from {ends[0]:.6g} to {ends[1]:.6g} {rpm}; it "
+                           f"says nothing at {ends[2]:.6g} {rpm}. Add a row, or stay within.")
+        k, c = (np.array([np.interp(speed, self.speeds, column) for column in rows.T])
+                for rows in (self.stiffness_rows, self.damping_rows))
+        return k.reshape(2, 2), c.reshape(2, 2)
+
+
+BEARINGS: tuple[type[Bearing], ...] = (RadialBearing, ThrustBearing, PadBearing, JournalFilm, Seal,
+                                       TableBearing)

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hydrolab.errors import BadInput
+from hydrolab.machine.bearing_table import read_table
 from hydrolab.machine.bearings import BEARINGS, Bearing
 from hydrolab.machine.parts import (
     KINDS,
@@ -302,10 +303,26 @@ def load_machine(name_or_path: str | Path) -> Machine:
     """
     card = read_card(name_or_path)
     try:
+        _read_tables(card, Path(name_or_path).parent)
         return machine_from_card(card)
     except BadInput as error:
         name = shown(Path(name_or_path).name).strip("'")
         raise BadInput("\n".join(f"{name}: {line}" for line in str(error).split("\n"))) from None
+
+
+def _read_tables(card: dict[str, Any], folder: Path) -> None:
+    """Put the numbers of CSV files beside a card in the place of their names.
+
+    Raises BadInput for a file elsewhere, or one that cannot be read.
+    """
+    bearings = card.get("bearings", [])
+    for bearing in bearings if isinstance(bearings, list) else []:
+        if isinstance(bearing, dict) and "table" in bearing:
+            name = bearing.pop("table")
+            if not isinstance(name, str) or Path(name).name != name:
+                raise BadInput(f"table is {shown(name)}; it must be the name of a CSV file in the "
+                               "folder of the card.")
+            bearing |= read_table(folder / name)
 
 
 def machine_from_card(card: Mapping[str, Any]) -> Machine:

@@ -116,7 +116,7 @@ class Crack(Part):
                                 most=DEEPEST, why="of the diameter; the flexibility is known no "
                                 "further", example=(20, "%"))
     phase: float = number_field("rad", "angle from an unbalance of phase 0, with the spin",
-                                default=0.0, example=(90, "deg"))
+                                default=0.0, example=(90, "deg"), mirrored=True)
     breathing: str = choice_field("whether it opens and closes with the bending, or stays open, a "
                                   "slot", "hinge", "open", default="hinge")
     rounding_angle: float = number_field("rad", "angle between the element's ends over which it "

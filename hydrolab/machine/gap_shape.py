@@ -98,7 +98,7 @@ class GapShape(Part):
     size: float = number_field("m", "by how much the radius is larger at a lobe",
                                example=(400, "µm"))
     angle: float = number_field("rad", "gap angle of a lobe, on the rotor at phase 0", default=0.0,
-                                example=(30, "deg"))
+                                example=(30, "deg"), mirrored=True)
 
     def bulge(self) -> Bulge:
         """The shape as the law takes it."""
@@ -172,10 +172,10 @@ def read_gap(path: str | Path, orders: int = 8) -> MeasuredGap:
     """
     if isinstance(orders, bool) or not isinstance(orders, int) or not 1 <= orders <= MOST:
         raise BadInput(f"orders is {orders!r}; it must be a whole number from 1 to {MOST}.")
-    name, rows = Path(path).name, _rows(Path(path))
+    name, rows = Path(path).name, csv_rows(Path(path))
     header = [micro(cell.strip()) for cell in rows[0][1]] if rows else []
     places = [_column(name, header, kind) for kind in COLUMNS]
-    values = np.array([[_value(name, line, header[at], row, at) * scale for at, scale in places]
+    values = np.array([[csv_value(name, line, header[at], row, at) * scale for at, scale in places]
                        for line, row in rows[1:]]).reshape(-1, 2)
     angle, gap = values.T
     if places[0][1] == 1 and len(angle) and (turns := np.ptp(angle) / (2 * np.pi)) > TURNS:
@@ -205,7 +205,7 @@ def read_gap(path: str | Path, orders: int = 8) -> MeasuredGap:
     return MeasuredGap(angle, gap, float(found[0]), bulges, misfit)
 
 
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
+def csv_rows(path: Path) -> list[tuple[int, list[str]]]:
     """Rows of a CSV that are not empty, each with its line number."""
     try:
         if path.stat().st_size > LARGEST_FILE:
@@ -234,7 +234,7 @@ def _column(name: str, header: list[str], kind: str) -> tuple[int, float]:
                    f"column {' or '.join(f'{kind}_{unit}' for unit in COLUMNS[kind])}.")
 
 
-def _value(name: str, line: int, column: str, row: list[str], at: int) -> float:
+def csv_value(name: str, line: int, column: str, row: list[str], at: int) -> float:
     """One number of a row."""
     if at >= len(row):
         raise BadInput(f"{name} line {line} has {len(row)} values; there is none for {column}.")

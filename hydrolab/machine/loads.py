@@ -39,7 +39,8 @@ class Gravity(Part):
     acceleration: float = number_field("m/s^2", "acceleration of free fall across the shaft",
                                        above=0, most=30, example=9.81)
     direction: float = number_field("rad", "gap angle of down, from z towards x; z is up in "
-                                    "drawings", default=math.pi, example=(180, "deg"))
+                                    "drawings", default=math.pi, example=(180, "deg"),
+                                    mirrored=True)
 
     def field(self) -> NDArray:
         """The acceleration (x, z), m/s²."""
@@ -56,7 +57,7 @@ class Load(Part):
     node: int = whole_field("the node it acts at, from 0 at the shaft top", 5)
     force: float = number_field("N", "size of the force", example=(120, "kN"))
     direction: float = number_field("rad", "gap angle it points to, from z towards x",
-                                    default=0.0, example=(90, "deg"))
+                                    default=0.0, example=(90, "deg"), mirrored=True)
     offset: float = number_field("m", "how far below the node it acts; negative: above",
                                  default=0.0, example=(200, "mm"))
 
@@ -75,7 +76,7 @@ class Bow(Part):
     size: float = number_field("m", "how far its middle is off the line between its ends",
                                example=(0.1, "mm"))
     phase: float = number_field("rad", "angle its middle points to, from an unbalance of phase 0, "
-                                "with the spin", default=0.0, example=(90, "deg"))
+                                "with the spin", default=0.0, example=(90, "deg"), mirrored=True)
 
     def disagreements(self) -> Iterator[Fault]:
         """It goes down the shaft."""

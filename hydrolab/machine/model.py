@@ -12,7 +12,7 @@ law stays as it is, several go side by side.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -21,8 +21,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
-from hydrolab.machine.bearings import ThrustBearing
-from hydrolab.machine.elements import shaft_element
+from hydrolab.machine.bearings import Bearing, Guide, TableBearing, ThrustBearing
 from hydrolab.machine.gap_shape import gap_law
 from hydrolab.machine.loads import towards, turning_with
 from hydrolab.machine.pull import (
@@ -37,7 +36,7 @@ from hydrolab.machine.pull import (
 from hydrolab.machine.quantities import number, shown, whole
 
 if TYPE_CHECKING:
-    from hydrolab.machine.loads import Bow
+    from hydrolab.machine.loads import Bow, Load
     from hydrolab.machine.parts import Machine, RigidBody, Shaft
 
 # relative difference below which two frequencies are the pair of an isotropic rotor
@@ -53,16 +52,12 @@ def rayleigh_coefficients(M: NDArray, K: NDArray,
     frequencies fix both. The frequencies are those of M and K alone (speed zero). The two equal
     frequencies of an isotropic rotor count once, and rigid-body motions, ω = 0, carry no ratio.
 
-    M, K: mass and stiffness, (n, n), M positive definite, K symmetric. ratios: (ζ₁, ζ₂), fractions
-    of critical.
+    M, K: mass and stiffness, (n, n), M positive definite; of K the symmetric part counts, since
+    what a seal or a film drives across is no spring. ratios: (ζ₁, ζ₂), fractions of critical.
 
-    Raises BadInput if K is not symmetric or has fewer than two distinct frequencies above zero.
+    Raises BadInput if it has fewer than two distinct frequencies above zero.
     """
-    if not np.allclose(K, K.T, rtol=0, atol=1e-9 * np.abs(K).max()):
-        raise BadInput("damping.ratio needs a symmetric stiffness matrix, and this one is not: "
-                       "a bearing has cross-coupling with xz different from zx. Give the bearings "
-                       "a damping instead.")
-    squares = scipy.linalg.eigvalsh(K, M)
+    squares = scipy.linalg.eigvalsh((K + K.T) / 2, M)
     rounding = 10 * len(M) * np.finfo(float).eps * np.abs(squares).max()
     omega = np.sqrt(squares[squares > rounding])
     above = omega[omega > omega[0] * (1 + DISTINCT)] if len(omega) else omega
@@ -100,11 +95,6 @@ def slopes(node: int, size: int) -> NDArray:
     rows = np.zeros((2, size))
     rows[0, 4 * node + 3], rows[1, 4 * node + 2] = -1.0, 1.0
     return rows
-
-
-def place(node: int, per_node: int, size: int, first: int = 0) -> NDArray:
-    """Rows of the (x, z) of a node, or from its DOF `first` on, (2, size)."""
-    return np.eye(size)[per_node * node + first:per_node * node + first + 2]
 
 
 def attach(machine: Machine, centre: NDArray,
@@ -152,7 +142,8 @@ class Support:
 
     rows: pick its (x, z) from q, (2, n). stiffness, damping: its part of K and C, (2, 2), N/m and
     N s/m. law: of its pads or its film, which takes `stiffness` back; None for a linear bearing.
-    offset: how far its centre is out of line, (x, z), m.
+    offset: how far its centre is out of line, (x, z), m. table: gives stiffness and damping at a
+    speed, rad/s, where they change with it.
     """
 
     rows: NDArray
@@ -160,6 +151,7 @@ class Support:
     damping: NDArray
     law: ForceLaw | None = None
     offset: NDArray = field(default_factory=lambda: np.zeros(2))
+    table: Callable[[float], tuple[NDArray, NDArray]] | None = None
 
     def force(self, u: NDArray, velocity: NDArray, phase: NDArray | float = 0.0,
               speed: float = 0.0) -> NDArray:
@@ -191,9 +183,10 @@ class Model:
     Ωt). selection: S, shape (c, n): the nonlinear coordinates from the DOFs, none of which depends
     on the others; the first two are the position (x, z) of the generator centre. law: the forces on
     those coordinates, the pull and whatever else is not linear. gap: nominal air gap, m (inf if
-    there is none). depths: y of each node, m. shaft_map: maps q to the nodes' DOFs, shape (nodes ·
-    DOFs per node, n). rayleigh: the coefficients (α, β) of C = αM + βK, 0 where there is no such
-    damping. supports: each radial bearing by its name. origin: None for a model made by hand.
+    there is none). depths: y of each node, m. shaft_map: maps q to the nodes' DOFs and after them
+    (x, z) of each bracket, shape (nodes · DOFs per node + 2 · brackets, n). rayleigh: the
+    coefficients (α, β) of C = αM + βK, 0 where there is no such damping. supports: each radial
+    bearing by its name. origin: None for a model made by hand.
     static: force that stands still, N, shape (n,). turning: complex f₀ and f₁, shape (2, n), of the
     force Re((f₀ + iΩ f₁) e^{iΩt}) of what is bent or out of square. Both are 0 unless given.
     """
@@ -253,6 +246,37 @@ class Model:
                                f"{node} at {self.depths[node]:.6g} m.")
             return node
         return whole("node", place, 0, len(self.depths) - 1, "or a depth in m, 4.5, or a name")
+
+    def at_nodes(self, motion: NDArray) -> NDArray:
+        """Motion of all DOFs, (n, …), as that of the nodes, (nodes, DOFs per node, …)."""
+        count, dofs = len(self.depths), self.shaft_map @ motion
+        per_node = min(4, len(dofs) // count)
+        return dofs[:per_node * count].reshape(count, per_node, *dofs.shape[1:])
+
+    @property
+    def known_speeds(self) -> tuple[float, float]:
+        """The speeds from which and up to which the tables of all its bearings go, rad/s."""
+        tables = self.origin.machine.tables if self.origin else ()
+        return (max((float(t.speeds[0]) for t in tables), default=0.0),
+                min((float(t.speeds[-1]) for t in tables), default=math.inf))
+
+    def at(self, speed: float) -> Model:
+        """The model with its bearings as they are at a speed (rad/s); itself where none changes.
+
+        Raises BadInput beyond the ends of a bearing's table.
+        """
+        if not any(support.table for support in self.supports.values()):
+            return self
+        K, C, static, supports = self.K.copy(), self.C.copy(), self.static.copy(), {}
+        for name, s in self.supports.items():
+            supports[name] = s
+            if s.table:
+                k, c = s.table(speed)
+                K += s.rows.T @ (k - s.stiffness) @ s.rows
+                C += s.rows.T @ (c - s.damping) @ s.rows
+                static += (k - s.stiffness) @ s.offset @ s.rows
+                supports[name] = replace(s, stiffness=k, damping=c)
+        return replace(self, K=K, C=C, static=static, supports=supports)
 
     def velocity_matrix(self, speed: float) -> NDArray:
         """C + Ω G, N s/m: the one place where damping and gyroscopic terms meet."""
@@ -345,6 +369,7 @@ class Model:
         origin = self._made()
         machine = origin.machine.with_numbers({key: value})
         old, new = origin.assembled, bare(machine)
+        self = self.at(origin.machine.speed)  # its bearings as they were when it was assembled
         own = self.law is not origin.law
         if own and new.law != old.law:
             raise BadInput(f"{key} is a number of the law that {self.name} had, but its law was "
@@ -394,68 +419,113 @@ def body_matrices(body: RigidBody) -> tuple[NDArray, NDArray]:
     return np.diag([body.mass, body.mass, body.Id, body.Id]), gyroscopic
 
 
-def add_shaft(shaft: Shaft, bows: Sequence[Bow], M: NDArray, G: NDArray, K: NDArray,
-              turning: NDArray) -> None:
-    """Add the elements of a shaft to the matrices, and what holds its bows to their load."""
-    for i, length in enumerate(np.diff(shaft.nodes)):
-        both = slice(4 * i, 4 * i + 8)
-        m, g, k = shaft_element(shaft.element, length, shaft.young, shaft.density, shaft.area[i],
-                                shaft.second_moment[i], shaft.poisson, shaft.shear_coefficient)
-        M[both, both] += m
-        G[both, both] += g
-        K[both, both] += k
-        for bow in bows:
-            turning[both] += k @ bow.shape(shaft.nodes, i)
+class Sums:
+    """The matrices and loads of a model while its parts are added."""
+
+    def __init__(self, size: int) -> None:
+        self.M, self.C, self.G, self.K = (np.zeros((size, size)) for _ in range(4))
+        self.unbalance, self.static = np.zeros((2, size)), np.zeros(size)
+        self.turning = np.zeros((2, size), dtype=complex)
+
+    def add_shaft(self, shaft: Shaft, bows: Sequence[Bow]) -> None:
+        """The elements of a shaft, and what holds its bows to their load."""
+        for i in range(len(shaft.nodes) - 1):
+            both = slice(4 * i, 4 * i + 8)
+            m, g, k = shaft.element_matrices(i)
+            self.M[both, both] += m
+            self.G[both, both] += g
+            self.K[both, both] += k
+            for bow in bows:
+                self.turning[0, both] += k @ bow.shape(shaft.nodes, i)
+
+    def add_body(self, body: RigidBody, at: slice, link: NDArray) -> None:
+        """A body at the DOFs of its node, through its link, and its unbalance."""
+        m, g = body_matrices(body)
+        self.M[at, at] += link.T @ m @ link
+        self.G[at, at] += link.T @ g @ link
+        c, s = body.unbalance * math.cos(body.phase), body.unbalance * math.sin(body.phase)
+        self.unbalance[:, at] += [[c, -s], [s, c]] @ link[:2]
+
+    def add_bearing(self, bearing: Bearing, rows: NDArray, speed: float) -> Support | None:
+        """A bearing on what its rows pick, and how it is found again, unless it acts on tilt."""
+        stiffness, damping = bearing.matrices(speed)
+        bent = bearing.law(speed)
+        if bent:  # a linear bearing stands for it, and its law takes it back
+            stiffness = bent.reference * np.eye(2)
+        self.K += rows.T @ stiffness @ rows
+        self.C += rows.T @ damping @ rows
+        if isinstance(bearing, ThrustBearing):  # its collar leans as (x, z) = (−θz, θx)
+            lean = bearing.out_of_square * turning_with(bearing.phase)[::-1] * [1, -1]
+            self.turning += np.stack([stiffness @ lean, damping @ lean]) @ rows
+        if not isinstance(bearing, Guide):
+            return None
+        offset = np.array([bearing.x, bearing.z])
+        self.static += stiffness @ offset @ rows
+        self.M += bearing.fluid_mass * rows.T @ rows
+        table = bearing.matrices if isinstance(bearing, TableBearing) else None
+        return Support(rows, stiffness, damping, bent, offset, table)
+
+    def add_bracket(self, bearing: Guide, own: NDArray) -> None:
+        """The bracket of a bearing; own: the rows of its (x, z), (2, n)."""
+        self.M += bearing.bracket_mass * own.T @ own
+        self.C += own.T @ bearing.bracket_damping @ own
+        self.K += own.T @ bearing.bracket_stiffness @ own
+
+
+def add_hung(sums: Sums, machine: Machine, per_node: int) -> NDArray:
+    """Add what hangs on nodes: bodies, the weight of all, water and loads. Returns the rows of the
+    (x, z) of the body in the gap, or of the first one, (2, n).
+    """
+    centre = np.eye(2, len(sums.M))
+    home = machine.air_gap.body if machine.air_gap else next((b.name for b in machine.bodies), "")
+
+    def at(part: RigidBody | Load) -> tuple[slice, NDArray]:
+        """The DOFs of its node, and the way from there to its place, (4, DOFs per node)."""
+        link = rigid_link(part.offset) if per_node == 4 else np.eye(4, 2)
+        return slice(per_node * part.node, per_node * (part.node + 1)), link
+
+    for body in machine.bodies:
+        sums.add_body(body, *at(body))
+        if body.name == home:
+            there, link = at(body)
+            centre = link[:2] @ np.eye(len(sums.M))[there]
+    if machine.gravity:  # the mass of a rigid shift across
+        shift = np.append(machine.gravity.field(), np.zeros(per_node - 2))
+        sums.static += sums.M[:, :per_node * machine.nodes] @ np.tile(shift, machine.nodes)
+    for body in machine.bodies:  # water is moved, not carried
+        there, link = at(body)
+        water = np.diag([body.added_mass, body.added_mass, body.added_Id, body.added_Id])
+        sums.M[there, there] += link.T @ water @ link
+    for load in machine.loads:
+        there, link = at(load)
+        sums.static[there] += load.force * towards(load.direction) @ link[:2]
+    return centre
 
 
 def bare(machine: Machine) -> Model:
     """The model of a machine without its Rayleigh damping."""
     per_node = 2 if machine.shaft is None else 4
-    n = per_node * machine.nodes
-    M, C, G, K = (np.zeros((n, n)) for _ in range(4))
-    unbalance, static, turning = np.zeros((2, n)), np.zeros(n), np.zeros((2, n), dtype=complex)
-    generator = np.eye(2, n)
+    brackets = [b for b in machine.all_bearings if isinstance(b, Guide) and b.has_bracket]
+    one = np.eye(per_node * machine.nodes + 2 * len(brackets))
+    sums, supports = Sums(len(one)), {}
     if machine.shaft:
-        add_shaft(machine.shaft, machine.bows, M, G, K, turning[0])
-    for body in machine.bodies:
-        at = slice(per_node * body.node, per_node * (body.node + 1))
-        link = rigid_link(body.offset)[:, :per_node] if per_node == 4 else np.eye(4, 2)
-        m, g = body_matrices(body)
-        M[at, at] += link.T @ m @ link
-        G[at, at] += link.T @ g @ link
-        c, s = body.unbalance * math.cos(body.phase), body.unbalance * math.sin(body.phase)
-        unbalance[:, at] += [[c, -s], [s, c]] @ link[:2]
-        if body.name == (machine.air_gap.body if machine.air_gap else machine.bodies[0].name):
-            generator = np.zeros((2, n))
-            generator[:, at] = link[:2]
-    if machine.gravity:  # the mass of a rigid shift across
-        static += M @ np.tile(np.append(machine.gravity.field(), np.zeros(per_node - 2)),
-                              machine.nodes)
-    for load in machine.loads:
-        at = place(load.node, per_node, n) if per_node == 2 else (
-            rigid_link(load.offset)[:2] @ np.eye(n)[4 * load.node:4 * load.node + 4])
-        static += load.force * towards(load.direction) @ at
-    supports: dict[str, Support] = {}
+        sums.add_shaft(machine.shaft, machine.bows)
+    centre = add_hung(sums, machine, per_node)
+    stands = {b.name: own for b, own in zip(
+        brackets, one[per_node * machine.nodes:].reshape(-1, 2, len(one)), strict=True)}
+    for bracket in brackets:
+        sums.add_bracket(bracket, stands[bracket.name])
     for bearing in machine.all_bearings:
-        rows = place(bearing.node, per_node, n, 2 * bearing.tilts)
-        stiffness, damping = bearing.matrices()
-        bent = bearing.law(machine.speed)
-        if bent:  # a linear bearing stands for it, and its law takes it back
-            stiffness = bent.reference * np.eye(2)
-        K += rows.T @ stiffness @ rows
-        C += rows.T @ damping @ rows
-        if isinstance(bearing, ThrustBearing):  # its collar leans as (x, z) = (−θz, θx)
-            lean = bearing.out_of_square * turning_with(bearing.phase)[::-1] * [1, -1]
-            turning += np.stack([stiffness @ lean, damping @ lean]) @ rows
-        else:
-            offset = np.array([bearing.x, bearing.z])
-            static += stiffness @ offset @ rows
-            supports[bearing.name] = Support(rows, stiffness, damping, bent, offset)
-    law, selection = attach(machine, generator, supports)
-    return Model(machine.name, M, C, G, K, unbalance[0], unbalance[1], selection, law,
+        first = per_node * bearing.node + 2 * bearing.tilts
+        rows = one[first:first + 2] - stands.get(bearing.name, 0.0)
+        if support := sums.add_bearing(bearing, rows, machine.speed):
+            supports[bearing.name] = support
+    law, selection = attach(machine, centre, supports)
+    return Model(machine.name, sums.M, sums.C, sums.G, sums.K, sums.unbalance[0],
+                 sums.unbalance[1], selection, law,
                  machine.air_gap.gap if machine.air_gap else math.inf,
-                 machine.shaft.nodes if machine.shaft else np.zeros(1), np.eye(n),
-                 supports=supports, static=static, turning=turning)
+                 machine.shaft.nodes if machine.shaft else np.zeros(1), one,
+                 supports=supports, static=sums.static, turning=sums.turning)
 
 
 def assemble(machine: Machine) -> Model:
@@ -466,6 +536,7 @@ def assemble(machine: Machine) -> Model:
         # pads count as closed; the spring that stands for a film is none
         films = [s for s in made.supports.values() if s.law and s.law.moving]
         K = made.K - sum((s.rows.T @ s.stiffness @ s.rows for s in films), np.zeros_like(made.K))
+        K = (K + K.T) / 2
         rayleigh = rayleigh_coefficients(made.M, K, machine.damping.ratio)
         C = C + rayleigh[0] * made.M + rayleigh[1] * K
     return replace(made, C=C, rayleigh=rayleigh, origin=Origin(machine, made, made.law))

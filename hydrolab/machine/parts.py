@@ -22,12 +22,16 @@ from hydrolab.errors import BadInput
 from hydrolab.machine.bearings import (
     BEARINGS,
     Bearing,
+    Guide,
     JournalFilm,
     PadBearing,
     RadialBearing,
+    Seal,
+    TableBearing,
     ThrustBearing,
 )
 from hydrolab.machine.crack import Crack
+from hydrolab.machine.elements import shaft_element
 from hydrolab.machine.gap_shape import GapShape
 from hydrolab.machine.loads import Bow, Gravity, Load
 from hydrolab.machine.model import assemble
@@ -167,6 +171,12 @@ class Shaft(Part):
         """Diameter at a node, the larger of its two elements, m."""
         return float(self.diameter[max(node - 1, 0):node + 1].max())
 
+    def element_matrices(self, i: int) -> tuple[NDArray, NDArray, NDArray]:
+        """M, G and K of an element, each (8, 8); see `elements.shaft_element`."""
+        return shaft_element(self.element, self.nodes[i + 1] - self.nodes[i], self.young,
+                             self.density, self.area[i], self.second_moment[i], self.poisson,
+                             self.shear_coefficient)
+
     @property
     def area(self) -> NDArray:
         """Section area of each element, m²."""
@@ -199,7 +209,12 @@ class RigidBody(Part):
                                  default=0.0, example=(-472, "mm"))
     unbalance: float = number_field("kg m", "mass times eccentricity", least=0, default=0.0,
                                     example=84)
-    phase: float = number_field("rad", "angle ψ of the unbalance", default=0.0, example=(90, "deg"))
+    phase: float = number_field("rad", "angle ψ of the unbalance", default=0.0, example=(90, "deg"),
+                                mirrored=True)
+    added_mass: float = number_field("kg", "mass of the water that moves with it sideways", least=0,
+                                     default=0.0, example=(9, "t"))
+    added_Id: float = number_field("kg m^2", "inertia of the water that tilts with it", least=0,
+                                   default=0.0, example=(5, "t m^2"))
 
     def disagreements(self) -> Iterator[Fault]:
         """Ip is at most twice Id, and the mass centre of a rotor lies inside it."""
@@ -226,7 +241,8 @@ class RigidBody(Part):
 
 @dataclass(frozen=True)
 class RayleighDamping(Part):
-    """C = αM + βK with the given damping ratios in the first and the second distinct mode at rest.
+    """C = αM + βK with the given damping ratios in the first and the second distinct mode at rest;
+    of a K with cross-coupling, its symmetric part.
     """
 
     table = "damping"
@@ -245,7 +261,8 @@ class Machine(Part):
     """A machine as its card describes it; `model()` turns it into matrices and a force law.
 
     speed: rated speed, rad/s. shaft: None for a point mass on springs (one node, which translates).
-    pad_bearings, films, cracks: parts that act nonlinearly on their own coordinates.
+    pad_bearings, films, cracks: parts that act nonlinearly on their own coordinates. seals,
+    tables: linear ones of other coefficients.
     poles, shapes: what makes the field or the gap other than constant and round.
     gravity: of a unit whose shaft lies. loads, bows: what no motion makes.
     provenance: for each number of the card, by its dotted key ("bodies.generator.mass"), what the
@@ -274,6 +291,8 @@ class Machine(Part):
     gravity: Gravity | None = None
     loads: tuple[Load, ...] = ()
     bows: tuple[Bow, ...] = ()
+    seals: tuple[Seal, ...] = ()
+    tables: tuple[TableBearing, ...] = ()
 
     def __post_init__(self) -> None:
         nickname("name", self.name)
@@ -322,12 +341,16 @@ class Machine(Part):
         """What a machine without a shaft cannot have."""
         if not self.bodies:
             yield "bodies", "is empty; a machine without a shaft needs a body."
-        for part in (*self.bodies, *self.loads):
-            if part.offset:
-                yield f"{part.key}.offset", (f"is {part.offset:g} m; without a shaft nothing "
+        hangs: tuple[RigidBody | Load, ...] = (*self.bodies, *self.loads)
+        for hung in hangs:
+            if hung.offset:
+                yield f"{hung.key}.offset", (f"is {hung.offset:g} m; without a shaft nothing "
                                              "tilts, so it must be 0.")
         for bearing in self.thrust_bearings:
             yield f"{bearing.key}.tilt_stiffness", "has no meaning without a shaft."
+        for guide in self.all_bearings:
+            if isinstance(guide, Guide) and guide.has_bracket:
+                yield f"{guide.key}.bracket_stiffness", "needs a shaft; state one, or no bracket."
         for part in (*self.cracks, *self.bows):
             yield part.key, ("has no shaft to be in; a machine without a shaft has no "
                              f"{part.table}.")
@@ -371,6 +394,11 @@ class Machine(Part):
                 yield f"{rotor.key}.unbalance", (
                     f"is {rotor.unbalance:g} kg m, {eccentricity:.3g} m times the mass; that must "
                     f"be at most {HEAVY} times air_gap.gap, {air.gap:g} m.")
+        for table in self.tables:
+            low, high = table.speeds[[0, -1]]
+            if not low <= self.speed <= high:
+                yield "speed", (f"is {self.speed:g} rad/s; {table.key}.speeds goes from {low:g} to "
+                                f"{high:g} rad/s, so add a row.")
         for key, length, most, what in self._lengths():
             if abs(length) > most:
                 yield key, f"is {length:g} m; it must be at most {what}, {most:g} m."
@@ -380,8 +408,9 @@ class Machine(Part):
         if shaft := self.shaft:
             most, what = LONG * shaft.length, f"{LONG} times the shaft's {shaft.length:g} m"
             yield "shaft.diameter", float(shaft.diameter.max()), most, what
-            for part in (*self.bodies, *self.loads):
-                yield f"{part.key}.offset", part.offset, most, what
+            hangs: tuple[RigidBody | Load, ...] = (*self.bodies, *self.loads)
+            for hung in hangs:
+                yield f"{hung.key}.offset", hung.offset, most, what
             for film in self.films:
                 yield (f"{film.key}.journal_radius", film.journal_radius,
                        WIDE * shaft.thickness(film.node), f"{WIDE} times shaft.diameter there")
@@ -418,6 +447,18 @@ class Machine(Part):
                 return body
         raise BadInput(f"no body is called {name!r}; there are "
                        f"{', '.join(b.name for b in self.bodies)}.")
+
+    def reversed(self) -> Machine:
+        """The machine turning the other way, as a mirror shows it: x is turned round, so that its
+        spin runs from z to x again. What turns with it and what the spin drives stay as they are.
+        """
+        cross = {(2, 2): [[1, -1], [-1, 1]]}
+        changes = {key: value * np.array(cross.get(np.shape(value), [1, -1, -1, 1]
+                                                   if np.ndim(value) else -1))
+                   for key, (part, name) in self._owners().items()
+                   if numbers_of(type(part))[name].mirrored
+                   for value in [getattr(part, name)]}
+        return self.with_numbers(changes)
 
     def model(self) -> Model:
         """The machine's matrices, pull and unbalance."""

@@ -116,12 +116,12 @@ class Poles(Part):
                                            "pole_pairs, a synchronous machine", least=0,
                                            default=0.0, example=20)
     pole_angle: float = number_field("rad", "electrical angle of the field's peak from z at phase "
-                                     "0", default=0.0, example=(90, "deg"))
+                                     "0", default=0.0, example=(90, "deg"), mirrored=True)
     backward: float = number_field("1", "wave that turns backward where the phases are out of "
                                    "balance, over the forward one", least=0, default=0.0,
                                    example=(5, "%"))
     backward_angle: float = number_field("rad", "angle of the backward wave", default=0.0,
-                                         example=0.4)
+                                         example=0.4, mirrored=True)
     stator_mmf: float = number_field("1", "wave of magnetomotive force of the stator, over the "
                                      "rotor's, whose field is B0", least=0, default=0.0,
                                      example=(80, "%"))

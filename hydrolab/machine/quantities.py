@@ -73,7 +73,8 @@ class Held:
 
     meaning, limits: in words. read: makes what the part holds of what is given. example: as a card
     may state it, a number with its unit. unit: SI, or "" for what is no number. stated: whether a
-    card must state it even where the part has a default.
+    card must state it even where the part has a default. mirrored: whether it changes where x is
+    turned round: its sign, or that of a matrix' cross terms.
     """
 
     meaning: str
@@ -82,6 +83,7 @@ class Held:
     example: Any
     unit: str = ""
     stated: bool = False
+    mirrored: bool = False
 
     @property
     def units(self) -> dict[str, tuple[float, float]]:
@@ -96,19 +98,19 @@ def declare(held: Held, default: Any) -> Any:
 
 def number_field(unit: str, meaning: str, *, example: Any, default: Any = MISSING,
                  stated: bool = False, form: Callable[[Read, str, Any], Any] | None = None,
-                 **limits: Any) -> Any:
+                 mirrored: bool = False, **limits: Any) -> Any:
     """Declare a number.
 
     unit: SI. meaning: in words. example: a value, or a value and its unit. default: where a part
-    may leave it out. stated: see `Held`. form: of a list or a matrix, such as `vector`. limits: as
-    `number` takes them.
+    may leave it out. stated, mirrored: see `Held`. form: of a list or a matrix, such as `vector`.
+    limits: as `number` takes them.
     """
     one = partial(number, unit="" if unit == "1" else unit, **limits)
     words = {"above": "above", "least": "at least", "below": "below", "most": "at most"}
     said = ", ".join(f"{words[k]} {quantity(limits[k], unit)}" for k in words if k in limits)
     example = example if isinstance(example, tuple) else (example, unit)
-    return declare(Held(meaning, partial(form, one) if form else one, said, example, unit, stated),
-                   default)
+    return declare(Held(meaning, partial(form, one) if form else one, said, example, unit, stated,
+                        mirrored), default)
 
 
 def text_field(meaning: str, example: str, default: Any = MISSING) -> Any:
@@ -148,8 +150,8 @@ def declared(kind: type[Part]) -> dict[str, Held]:
     """What each declared field of a kind of part holds, by its name, in the order of the class;
     those that are given by name only come last.
     """
-    return {f.name: f.metadata["held"] for f in sorted(fields(kind), key=lambda f: f.kw_only)
-            if "held" in f.metadata}
+    ordered = sorted(fields(kind), key=lambda f: f.kw_only is True)
+    return {f.name: f.metadata["held"] for f in ordered if "held" in f.metadata}
 
 
 def numbers_of(kind: type[Part]) -> dict[str, Held]:
@@ -353,11 +355,11 @@ def bearing_matrix(one: Read, key: str, value: ArrayLike) -> NDArray:
     (xx, xz), (zx, zz) = array.tolist()
     if min(xx, zz) < 0:
         raise BadInput(f"{key} has a negative direct entry, {min(xx, zz):g}; direct entries must "
-                       "be at least 0.")
+                       "be at least 0 (of a seal they may be below).")
     if 0 <= xx < zx and TABLE * zx < min(xz, zz):
         raise BadInput(f"{key} is {shown(value)}: as a matrix its direct entries are {xx:g} and "
-                       f"{zz:g}. It looks like a table over the speed, which a linear bearing does "
-                       "not take; give the matrix at the rated speed.")
+                       f"{zz:g}. It looks like a table over the speed, which is a bearing with "
+                       "speeds, stiffness_rows and damping_rows.")
     return frozen(array)
 
 

@@ -26,7 +26,6 @@ from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
 from hydrolab.dynamics.solvers import powell_dog_leg
 from hydrolab.dynamics.stability import Floquet, floquet_all
 from hydrolab.errors import BadInput, NoConvergence
-from hydrolab.machine.elements import shaft_element
 from hydrolab.machine.model import Model
 from hydrolab.machine.parts import AirGap, Machine, Shaft, require_machine
 
@@ -240,10 +239,8 @@ def stress_fluctuation(shaft: Shaft, orbit: PeriodicOrbit) -> float:
     """
     motion = orbit.model.shaft_map @ orbit.shaft @ fourier_rows(orbit.harmonics, PHASE)
     worst = 0.0
-    for i, length in enumerate(np.diff(shaft.nodes)):
-        stiffness = shaft_element(shaft.element, length, shaft.young, shaft.density, shaft.area[i],
-                                  shaft.second_moment[i], shaft.poisson, shaft.shear_coefficient)[2]
-        ends = stiffness @ motion[4 * i:4 * i + 8]
+    for i in range(len(shaft.nodes) - 1):
+        ends = shaft.element_matrices(i)[2] @ motion[4 * i:4 * i + 8]
         for mx, mz in (ends[2:4], ends[6:8]):
             for fibre in 2 * np.pi * np.arange(8) / 8:
                 # Fibre at angle Ωt + fibre from z towards x; θx bends in the (y, z) plane, −θz in
