@@ -27,7 +27,7 @@ from hydrolab.figures.style import COLOURS, house_style, new_figure, plane
 from hydrolab.machine import Machine, load_machine
 
 COARSE = REVOLUTION[::4]  # phases at which a moving orbit is drawn
-FEW = 7  # frames of a flip-book: three explorers of a branch stand in one notebook
+FEW = 6  # frames of a flip-book: three explorers of a branch stand in one notebook
 PARTS = ("mean", "1X", "2X", "3X", "4X")
 LEAST, MOST = 0.1, 2e4  # µm, the scale of the harmonics
 FADED = "#BBBBBB"
@@ -160,8 +160,8 @@ class EccentricityView(View):
         there = legs[leg - 1] if 0 < leg <= len(legs) else None
         also = [str(n) for n, other in enumerate(legs, 1) if other.holds(eccentricity)]
         reach = f" It spans {percent(there.low)} to {percent(there.high, 4)}." if there else ""
-        others = (f"Other legs that pass here: {', '.join(also)}." if also
-                  else "No other leg of the branch passes here.")
+        others = (f"Of the others shown these pass here: {', '.join(also)}." if also
+                  else "None of the others shown passes here.")
         return (f"Leg {leg} has no steady state at {percent(eccentricity)} of the gap; "
                 f"the last one is left in grey.{reach} {others}")
 

@@ -69,8 +69,17 @@ class Legs:
         rows = [0, *(fold.after + 1 for fold in folds), len(values)]
         legs = [Leg(float(min(ends[i:i + 2])), float(max(ends[i:i + 2])), slice(*rows[i:i + 2]))
                 for i in range(len(rows) - 1)]
-        most = getattr(self.branch.method, "max_folds", math.inf)  # a sweep stops before a fold
-        return tuple(legs[:-1] if len(folds) >= most else legs)
+        return tuple(legs[:-1] if self.goes_on else legs)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the branch goes on behind the legs: a sweep never gets to a fold."""
+        return len(self.branch.folds) >= getattr(self.branch.method, "max_folds", math.inf)
+
+    @property
+    def where(self) -> str:
+        """Words for where steady states were looked for, if that is not the whole branch."""
+        return f" on its first {len(self.all)} legs" if self.goes_on else ""
 
     @property
     def reach(self) -> float:

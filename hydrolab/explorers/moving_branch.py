@@ -141,9 +141,10 @@ class BranchView(View):
         turns = f"folds at {listed(folds)} static eccentricity" if folds else "has no fold"
         there = [f"{word} with a smallest gap of {MM * orbit.smallest_gap:.2f} mm"
                  for orbit, word in zip(orbits, verdicts, strict=True)]
-        states = (f"{len(there)} steady state{'s' * (len(there) > 1)}: {listed(there)}" if there
-                  else "no steady state")
-        return f"The branch {turns}. At {percent(eccentricity / 100)} it has {states}."
+        states = f"{len(there) or 'no'} steady state{'s' * (len(there) != 1)}"
+        told = f": {listed(there)}" if there else ""
+        return (f"The branch {turns}. At {percent(eccentricity / 100)} it has "
+                f"{states}{self.legs.where}{told}.")
 
     def pick(self, x: float, y: float) -> dict[str, float] | None:
         """Eccentricity (%) of the branch's point nearest to a place in either diagram."""

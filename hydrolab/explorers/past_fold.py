@@ -1,4 +1,4 @@
-"""Past the fold: every orbit at an eccentricity, and where a machine is that was brought there
+"""Past the fold: the orbits at an eccentricity, and where a machine is that was brought there
 slowly.
 """
 
@@ -29,7 +29,7 @@ SAME = 0.02
 
 
 class PastFoldView(View):
-    """All orbits at an eccentricity, stable or not, and the machine that follows the eccentricity.
+    """The orbits at an eccentricity, stable or not, and the machine that follows the eccentricity.
 
     While its leg goes on and is stable the machine stays on it. Where the leg ends or is unstable,
     its motion is integrated in time from the last orbit, so that the machine's own motion decides
@@ -44,7 +44,7 @@ class PastFoldView(View):
         self.method = CentralDifference(stable_steps(self.model, self.speed))
         figure = new_figure(11.4, 5.5)
         left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
-        plane(left, "All orbits in the gap")
+        plane(left, "The orbits in the gap")
         draw_axis(left)
         reach = 1.12 * MM * self.model.gap
         left.set(adjustable="box", xlim=(-reach, reach), ylim=(-reach, reach))
@@ -81,11 +81,10 @@ class PastFoldView(View):
         self._show(eccentricity, there)
         states = [f"leg {number + 1} {self.legs.verdict(orbit, number)}, smallest gap "
                   f"{MM * orbit.smallest_gap:.2f} mm" for number, orbit in there]
-        found = f"{len(there)} steady state{'s' * (len(there) != 1)}"
+        found = f"{len(there)} steady state{'s' * (len(there) != 1)}{self.legs.where}"
         found += f": {'; '.join(states)}" if states else ""
         told = f" {' '.join(self.story[-2:])}" if self.story else ""
-        return (f"At {percent(eccentricity / 100)} there {'is' if len(there) == 1 else 'are'} "
-                f"{found}. {self._where()}{told}")
+        return f"At {percent(eccentricity / 100)} the branch has {found}. {self._where()}{told}"
 
     def pick(self, x: float, y: float) -> dict[str, float] | None:
         """Eccentricity (%) of the branch's point nearest to a place in the figure."""
@@ -167,7 +166,7 @@ class PastFoldView(View):
 
 
 def past_fold_explorer(machine: Machine | None = None, eccentricity: float = 8.5) -> FigureExplorer:
-    """Every orbit there is at an eccentricity, stable or not, and the jumps of a machine that is
+    """The orbits of the legs at an eccentricity, stable or not, and the jumps of a machine that is
     brought there slowly.
 
     A click on the branch brings it to that eccentricity.

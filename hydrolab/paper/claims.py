@@ -166,7 +166,7 @@ def leg_in_words(study: Study) -> str:
 
 
 def states_beyond(study: Study) -> str:
-    """The steady states that the branch has at 9.0 %."""
+    """The steady states at 9.0 % on the branch, as far as it was followed."""
     if not study.branch.folds:
         end = f"{100 * study.limit / study.scale:.3f} %"
         return f"The branch was followed to {end} and no further."
@@ -176,8 +176,8 @@ def states_beyond(study: Study) -> str:
     if not there:
         return "At 9.0 % the branch has no steady state."
     return (f"At 9.0 % the branch, past its folds, has {len(there)} steady "
-            f"state{'s' if len(there) > 1 else ''}: {', '.join(there)}; so that none was found "
-            "does not mean that there is none.")
+            f"state{'s' if len(there) > 1 else ''}: {', '.join(there)}; there may be others. That "
+            "none was found does not mean that there is none.")
 
 
 def nothing_beyond(study: Study) -> Claim:
