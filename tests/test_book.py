@@ -23,12 +23,12 @@ PARTS = ["After this chapter you can", "| you need |", "## Predict", "## Exercis
          "predictions said",
          "## Summary", "## What next", "## References"]
 LARGEST = 700_000  # bytes of a stored notebook
-# The chapter that explains a name of the library. `HarmonicBalance`, `follow`, `modes` and
-# `ellipse` serve before theirs, as tools that the text announces as such.
+# The chapter that explains a name of the library. `HarmonicBalance`, `follow`, `Arclength`, `modes`
+# and `ellipse` serve before theirs, as tools that the text announces as such.
 EXPLAINED = {
     3: ["integrate", "CentralDifference", "Newmark", "RungeKutta"],
     4: ["newton", "powell_dog_leg", "first_guess"],
-    5: ["Arclength", "arclength", "locate_fold", "floquet", "branch_stability", "stable_orbits_at",
+    5: ["arclength", "locate_fold", "floquet", "branch_stability", "stable_orbits_at",
         "strang_product"],
     6: ["shaft_element", "energies"],
     7: ["campbell", "body_matrices", "rigid_link"],
