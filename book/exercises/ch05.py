@@ -107,7 +107,8 @@ EXERCISES = {
         Mistake(lambda right: 1 / right, "The ellipse is stretched along λ, not squeezed."),
         Mistake(lambda right: right**2, "The factor stands inside the square."),
     )),
-    "5.2": Exercise(lambda: field_factor(0.05), see="The rotor that whirls", rtol=0.002, mistakes=(
+    "5.2": Exercise(lambda: field_factor(0.05), see="The rotor that whirls",
+                    unit="times the card's field", rtol=0.002, mistakes=(
         Mistake(lambda right: right**2,
                 "This is the factor on the pull, which grows with the square of the field."),
         Mistake(lambda right: 1 / right, "More field brings the fold down, not less."),

@@ -96,15 +96,15 @@ EXERCISES = {
         Mistake(lambda right: 1e3 * orbit(0.0).smallest_gap,
                 "This is the gap of the centred machine."),
     )),
-    "10.2": Exercise(lambda: grown_at("1X", 2.0), see="Figures 5, 6 and 7", unit="%", rtol=0.005,
-                     mistakes=(
+    "10.2": Exercise(lambda: grown_at("1X", 2.0), see="Figures 5, 6 and 7",
+                     unit="% of the gap", rtol=0.005, mistakes=(
         Mistake(lambda right: grown_at("1X", 3.0),
                 "Grown by twice its value is three times as much; twice is asked for."),
         Mistake(lambda right: grown_at("1X", 1.5), "Here it has grown by a half."),
         Mistake(lambda right: 100 * branch().folds[0].value, "This is the fold."),
     )),
-    "10.3": Exercise(lambda: 100 * branch(0.7).folds[0].value, see="Past the fold", unit="%",
-                     rtol=0.003, mistakes=(
+    "10.3": Exercise(lambda: 100 * branch(0.7).folds[0].value, see="Past the fold",
+                     unit="% of the gap", rtol=0.003, mistakes=(
         Mistake(lambda right: 100 * branch().folds[0].value,
                 "This is the fold with all of the unbalance."),
         Mistake(lambda right: 100 * branch(0.0).folds[0].value,
@@ -115,8 +115,8 @@ EXERCISES = {
         Mistake(lambda right: 100 * branch(0.3).folds[0].value,
                 "This is the fold with 70 % less unbalance."),
     )),
-    "10.4": Exercise(lambda: way_back()[1], see="The motion of two revolutions", unit="%",
-                     rtol=0.004, mistakes=(
+    "10.4": Exercise(lambda: way_back()[1], see="The motion of two revolutions",
+                     unit="% of the gap", rtol=0.004, mistakes=(
         Mistake(lambda right: way_back()[0],
                 "Here the large orbit loses its stability. What takes over, and how far does that "
                 "reach?"),
