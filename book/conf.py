@@ -68,12 +68,13 @@ def read(app, docname, source):
         source[0] = linked(source[0], {number: f"../{name}"
                                        for number, name in equations(BOOK).items()})
     elif docname[:1].isdigit():
-        source[0] = chapter_page(source[0], equations(BOOK))
+        live = app.config.live and f"{app.config.live}/lab/index.html?path={docname}.ipynb"
+        source[0] = chapter_page(source[0], equations(BOOK), live)
         names = [scene_name(*scene) for scene in SCENES.get(int(docname[:2]), ())]
         if names and app.config.scenes:
+            player = f"{app.config.live or '_static'}/scenes/player.html"
             source[0] = with_scenes(source[0], {
-                f"_static/scenes/player.html#{name}": Path(app.config.scenes,
-                                                    f"{name}.txt").read_text(encoding="utf-8")
+                f"{player}#{name}": Path(app.config.scenes, f"{name}.txt").read_text("utf-8")
                 for name in names})
 
 
@@ -106,5 +107,6 @@ def setup(app):
     app.connect("autodoc-process-docstring", as_prose)
     # folder of the recorded 3D scenes; `hydrolab book` makes them
     app.add_config_value("scenes", "", "env")
+    app.add_config_value("live", "", "env")  # where the live course is from these pages, if it is
     app.connect("source-read", read)
     return {"parallel_read_safe": True}

@@ -206,11 +206,12 @@ def book(options: argparse.Namespace) -> int:
 
 
 def live_book(folder: Path, options: argparse.Namespace) -> int:
-    """Build the course of a folder that runs in a browser; the options say whether it is served on
-    this computer.
+    """Build the course of a folder that runs in a browser, and its pages beside it; the options say
+    whether it is served on this computer.
     """
     from hydrolab.course.browser_site import build_site, serve
     from hydrolab.course.hand_out import hand_out
+    from hydrolab.course.static_book import build
 
     out = options.out or folder / "_build" / "live"
     with tempfile.TemporaryDirectory(prefix="hydrolab-course-") as work:
@@ -220,6 +221,8 @@ def live_book(folder: Path, options: argparse.Namespace) -> int:
         else:
             prepare_folder(contents, folder)
         print(build_site(contents, out, options.pyodide), flush=True)
+    if not options.students:  # the pages hold the solutions
+        print(build(folder, out / "pages", live=out), flush=True)
     if options.serve:
         serve(out, browser=not options.no_browser)
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -25,7 +26,8 @@ def progress_bars(console: Console | None = None) -> Iterator[Callable[[str, int
     """
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
                TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as bars:
+    threads = sys.platform != "emscripten"  # a browser's Python has none to draw from
+    with Progress(*columns, console=console, transient=True, auto_refresh=threads) as bars:
         tasks: dict[str, TaskID] = {}
 
         def tell(what: str, done: int, of: int) -> None:

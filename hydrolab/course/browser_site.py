@@ -35,6 +35,7 @@ from hydrolab.course.static_book import record_scenes
 from hydrolab.errors import BadInput
 
 CARDS = Path(__file__).resolve().parents[1] / "machine" / "cards"
+SCRIPT = Path(__file__).with_name("live_page.js")
 PYODIDE = "0.27.7"  # what jupyterlite-pyodide-kernel 0.6 is made for
 PUBLIC = f"https://cdn.jsdelivr.net/pyodide/v{PYODIDE}/full/"
 PORT = 8010
@@ -52,6 +53,10 @@ PURE = {"sympy": ("mpmath",), "mpmath": (), "threadpoolctl": (), "tomlkit": (),
         "jupyterlab-widgets": (), "anywidget": ("ipywidgets", "psygnal", "typing-extensions"),
         "psygnal": (), "typing-extensions": (), "comm": ("traitlets",), "traitlets": (),
         "rich": ("markdown-it-py", "pygments"), "markdown-it-py": ("mdurl",), "mdurl": ()}
+# What Pyodide's packages hold or ask for and no chapter uses: 10 MB.
+UNUSED = re.compile(r"scipy/misc/.*\.dat|matplotlib/mpl-data/sample_data/.*")
+UNASKED = ("fonttools", "pytz", "openssl")
+OLD_FONTS = (".eot", ".svg", ".ttf")  # for browsers that cannot run the course
 NEEDS = ("numpy", "scipy", "matplotlib", "pillow", *PURE)  # of hydrolab there
 IMPORTS = {"pyodide-kernel": ("pyodide_kernel",), "typing-extensions": ("typing_extensions",),
            "markdown-it-py": ("markdown_it",), "jupyterlab-widgets": ("jupyterlab_widgets",)}
@@ -112,10 +117,10 @@ def _unpacked(source: Path, target: Path) -> Path:
     """The folder of a distribution that is a folder or an archive: where its lock file lies."""
     if source.is_dir():
         target = source
-    elif tarfile.is_tarfile(source):
+    elif source.is_file() and tarfile.is_tarfile(source):
         with tarfile.open(source) as archive:
             archive.extractall(target, filter="data")
-    elif zipfile.is_zipfile(source):
+    elif source.is_file() and zipfile.is_zipfile(source):
         with zipfile.ZipFile(source) as archive:
             archive.extractall(target)
     else:
@@ -165,6 +170,9 @@ def _jupyterlite(work: Path, contents: Path, made: Path) -> None:
     done = subprocess.run(command, cwd=work, capture_output=True, text=True, check=False)
     if done.returncode:
         raise BadInput(f"The live course was not built:\n{(done.stdout + done.stderr)[-3000:]}")
+    for font in made.glob("build/fa-*"):
+        if font.suffix in OLD_FONTS:
+            font.unlink()
 
 
 def _distribution(core: Path, target: Path, scenes: str, *, public: bool) -> None:
@@ -182,6 +190,8 @@ def _distribution(core: Path, target: Path, scenes: str, *, public: bool) -> Non
         more["matplotlib/fontlist.json"] = _font_list(wheel)
     for name, wheel, needs, imports in _own_wheels(target, more):
         packages[name] = _entry(name, wheel, needs, imports, target)
+    for entry in packages.values():
+        entry["depends"] = [need for need in entry["depends"] if need not in UNASKED]
     kept = dict(sorted((name, packages[name]) for name in _closure(packages, (*KERNEL, *COURSE))))
     for name, entry in kept.items():
         if (target / entry["file_name"]).is_file():
@@ -189,12 +199,24 @@ def _distribution(core: Path, target: Path, scenes: str, *, public: bool) -> Non
         if public:
             entry["file_name"] = PUBLIC + entry["file_name"]
         elif (core / entry["file_name"]).is_file():
-            shutil.copyfile(core / entry["file_name"], target / entry["file_name"])
+            _copy_used(core / entry["file_name"], target / entry["file_name"])
+            entry["sha256"] = hashlib.sha256((target / entry["file_name"]).read_bytes()).hexdigest()
         else:
             raise BadInput(f"--pyodide has no {entry['file_name']}, which {name} needs; give the "
                            "full distribution.")
     text = json.dumps(lock | {"packages": kept}, indent=1)
     (target / "pyodide-lock.json").write_text(text, encoding="utf-8")
+
+
+def _copy_used(source: Path, target: Path) -> None:
+    """Copy a package of the distribution, a wheel without what no chapter uses."""
+    if source.suffix != ".whl":
+        shutil.copyfile(source, target)
+        return
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as new:
+        for item in old.infolist():
+            if not UNUSED.fullmatch(item.filename):
+                new.writestr(item, old.read(item))
 
 
 def _closure(packages: Mapping[str, Mapping[str, Any]], wanted: Iterable[str]) -> set[str]:
@@ -234,6 +256,20 @@ def _own_wheels(target: Path, more: Mapping[str, str]) -> Iterator[Packed]:
     for name, needs in PURE.items():
         yield name, _wheel_of(name, target), needs, IMPORTS.get(name, (name,))
     yield "hydrolab", _wheel_of_hydrolab(target, more), NEEDS, ("hydrolab",)
+    yield "ssl", _empty_wheel(target / "ssl-1.0.0-py3-none-any.whl"), (), ()  # the kernel asks
+
+
+def _empty_wheel(wheel: Path, mode: str = "w") -> Path:
+    """A wheel with nothing but what makes it one; mode "a" makes one of the files it has."""
+    name, version = wheel.name.split("-")[:2]
+    info = f"{name}-{version}.dist-info"
+    with zipfile.ZipFile(wheel, mode, zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr(f"{info}/METADATA",
+                         f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+        archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: hydrolab\n"
+                         "Root-Is-Purelib: true\nTag: py3-none-any\n")
+        archive.writestr(f"{info}/RECORD", "")
+    return wheel
 
 
 def _wheel_of(name: str, target: Path) -> Path:
@@ -254,7 +290,6 @@ def _wheel_of_hydrolab(target: Path, more: Mapping[str, str]) -> Path:
     """A wheel of the hydrolab that runs this, as it stands, and more files by where they go."""
     package = Path(__file__).resolve().parents[1]
     wheel = target / f"hydrolab-{__version__}-py3-none-any.whl"
-    info = f"hydrolab-{__version__}.dist-info"
     with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(package.rglob("*")):
             part = path.relative_to(package)
@@ -262,14 +297,9 @@ def _wheel_of_hydrolab(target: Path, more: Mapping[str, str]) -> Path:
                 archive.write(path, f"hydrolab/{part.as_posix()}")
         for path in exercises.files().values():
             archive.write(path, f"hydrolab/_book/exercises/{path.name}")
-        archive.writestr(f"{info}/METADATA",
-                         f"Metadata-Version: 2.1\nName: hydrolab\nVersion: {__version__}\n")
-        archive.writestr(f"{info}/WHEEL", "Wheel-Version: 1.0\nGenerator: hydrolab\n"
-                         "Root-Is-Purelib: true\nTag: py3-none-any\n")
-        archive.writestr(f"{info}/RECORD", "")
         for place, text in more.items():
             archive.writestr(place, text)
-    return wheel
+    return _empty_wheel(wheel, "a")
 
 
 def _font_list(wheel: Path) -> str:
@@ -305,6 +335,10 @@ def _configure(made: Path, first: str, *, public: bool) -> None:
     page = FRONT.format(first=first, where=where if public else "",
                         forward="" if public else forward)
     (made / "index.html").write_text(page, encoding="utf-8")
+    lab = made / "lab" / "index.html"
+    lab.write_text(lab.read_text(encoding="utf-8").replace(
+        "</head>", f"<script>{SCRIPT.read_text(encoding='utf-8')}</script></head>", 1),
+        encoding="utf-8")
     data["litePluginSettings"] = data.get("litePluginSettings", {}) | {
         "@jupyterlite/pyodide-kernel-extension:kernel": kernel}
     path.write_text(json.dumps(config, indent=1), encoding="utf-8")

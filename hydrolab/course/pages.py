@@ -29,6 +29,7 @@ PARTS = {"A rotor in a field": range(0, 4), "Steady states": range(4, 6),
          "The study": range(9, 13)}
 # static eccentricities and legs, by chapter
 SCENES = {0: ((0.088, 0),), 10: ((0.0, 0), (0.05, 0), (0.088, 0), (0.088, 2))}
+LACKS = "*(This needs a control or a step that this page lacks; the live chapter has it.)*"
 PAGES = ("extend", "card", "notation", "glossary", "errata", "bibliography", "api")  # for reference
 REFERENCE = re.compile(r"^- (.*?\*(?P<title>[^*\n]+)\*.*)$", re.MULTILINE)
 
@@ -74,15 +75,33 @@ def equations(book: Path) -> dict[str, str]:
             for tag in DISPLAY.findall(text)}
 
 
-def chapter_page(text: str, places: Mapping[str, str]) -> str:
-    """The text of a notebook's file as the page's source. places: the page of each equation."""
+def chapter_page(text: str, places: Mapping[str, str], live: str = "") -> str:
+    """The text of a notebook's file as the page's source. places: the page of each equation. live:
+    where the chapter runs in the browser, if it does.
+    """
     notebook = json.loads(text)
     for cell in notebook["cells"]:
         if cell["cell_type"] == "markdown":
-            cell["source"] = linked(_joined(cell["source"]), places)
+            cell["source"] = _with_lacks(linked(_joined(cell["source"]), places),
+                                         cell["metadata"].get("tags", ()))
         else:
-            _open_flipbooks(cell)
+            _open_flipbooks(cell, live and f"{live}#cell-id={cell['id']}")
+    if live:
+        first = notebook["cells"][0]
+        first["source"] += (f'\n\n<a class="live" href="{live}">Open it live</a>: Python runs in '
+                            "your browser, nothing is installed.")
     return json.dumps(notebook)
+
+
+def _with_lacks(text: str, tags: Sequence[str]) -> str:
+    """Questions for an explorer, with a word at those that its flip-book cannot answer: a tag
+    `live-2` of the cell says that the second one is such.
+    """
+    for tag in tags:
+        if tag.startswith("live-"):
+            text = re.sub(rf"^{tag[5:]}\. .*$", rf"\g<0> {LACKS}", text, count=1,
+                          flags=re.MULTILINE)
+    return text
 
 
 def scene_name(static_eccentricity: float, leg: int) -> str:
@@ -140,19 +159,20 @@ def _in_running_text(text: str, change: Callable[[str], str]) -> str:
     return "".join(part if i % 2 else change(part) for i, part in enumerate(APART.split(text)))
 
 
-def _open_flipbooks(cell: Cell) -> None:
-    """Put the flip-book of each output below its still picture."""
+def _open_flipbooks(cell: Cell, live: str) -> None:
+    """Put the flip-book of each output below its still picture. live: where the cell runs."""
     for output in cell["outputs"]:
         data = output.get("data", {})
         if FLIPBOOK in data:
             data["text/html"] = flipbook_figure(_joined(data["text/html"]),
-                                                json.loads(_joined(data.pop(FLIPBOOK))))
+                                                json.loads(_joined(data.pop(FLIPBOOK))), live)
 
 
-def flipbook_figure(still: str, book: Mapping) -> str:
+def flipbook_figure(still: str, book: Mapping, live: str = "") -> str:
     """The still picture with a slider below it for the frames of its book; a page without
-    JavaScript shows the still picture alone.
+    JavaScript shows the still picture alone. live: where the explorer runs, if it does.
     """
+    link = f'<a class="live" href="{live}">Move it yourself</a>' if live else ""
     label, start = html.escape(book["label"]), book["start"]
     frames = json.dumps(book["frames"], ensure_ascii=False).replace("</", "<\\/")
     return (f'<div class="flipbook" data-whole="{book["whole"]}" '
@@ -161,7 +181,7 @@ def flipbook_figure(still: str, book: Mapping) -> str:
             f'max="{len(book["frames"]) - 1}" '
             f'step="1" value="{start}"/> '
             f'<output>{html.escape(book["frames"][start]["value"])}</output></label>'
-            f'<script type="application/json">{frames}</script></div>')
+            f'<script type="application/json">{frames}</script>{link}</div>')
 
 
 def bibliography_page(book: Path) -> str:

@@ -26,21 +26,25 @@ PLAYS = ("<head><script>document.write(`<script src="
 NEEDED = ("sphinx", "myst_nb", "sphinx_book_theme")
 
 
-def build(book: Path, out: Path, *, instructor: bool = False) -> str:
+def build(book: Path, out: Path, *, instructor: bool = False, live: Path | None = None) -> str:
     """Build the pages of `book` into the folder `out` and return one sentence on them.
 
-    instructor: with the instructor's pages. Raises BadInput where the tools are missing, or with
-    Sphinx's words where a page has a fault.
+    instructor: with the instructor's pages. live: the folder of the live course that `out` is in;
+    each chapter then leads to where it runs, and the recorded scenes are there. Raises BadInput
+    where the tools are missing, or with Sphinx's words where a page has a fault.
     """
     if missing := [name for name in NEEDED if importlib.util.find_spec(name) is None]:
         raise BadInput(f"The static book needs {', '.join(missing)}; install hydrolab with its "
                        'extra: pip install -e ".[book]"')
     with tempfile.TemporaryDirectory(prefix="hydrolab-book-") as work:
         # the notebook reader leaves a folder beside the pages: they are built here and copied
-        mathjax, scenes, html = fetch_mathjax(Path(work)), Path(work, "scenes"), Path(work, "html")
-        record_scenes(scenes)
+        mathjax, html = fetch_mathjax(Path(work)), Path(work, "html")
+        scenes = live / "scenes" if live else Path(work, "scenes")
+        if not live:
+            record_scenes(scenes)
         command = [sys.executable, "-m", "sphinx", "-b", "html", "-W", "--keep-going", "-q", "-E",
                    "-d", str(Path(work, "doctrees")), "-D", f"scenes={scenes}",
+                   "-D", f"live={os.path.relpath(live, out) if live else ''}",
                    *(["-t", "instructor"] if instructor else []), str(book), str(html)]
         path = os.pathsep.join(filter(None, sys.path))
         done = subprocess.run(command, capture_output=True, text=True, check=False,
@@ -48,10 +52,11 @@ def build(book: Path, out: Path, *, instructor: bool = False) -> str:
         if done.returncode:
             raise BadInput("The static book was not built:\n"
                            f"{done.stderr.strip()[-4000:] or done.stdout[-2000:]}")
-        shutil.copytree(scenes, html / "_static" / "scenes", dirs_exist_ok=True)
+        if not live:
+            shutil.copytree(scenes, html / "_static" / "scenes", dirs_exist_ok=True)
         if mathjax is not None:
             shutil.copyfile(mathjax, html / "_static" / "tex-svg.js")
-        shutil.copytree(html, out, dirs_exist_ok=True)
+        shutil.copytree(html, out, dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.map"))
     said = f"{len(list(out.glob('*.html')))} pages; open {out / 'index.html'}"
     return said if mathjax is not None else (
         f"{said}. Formulas stand there as TeX: MathJax was not fetched, because npm is missing or "

@@ -7,6 +7,7 @@ afterwards, so a fast drag never queues up and always ends where the slider ends
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -173,7 +174,7 @@ class FigureExplorer(widgets.VBox):
         without a kernel.
         """
         name = main_control(self.controls)
-        if name is None:
+        if name is None or sys.platform == "emscripten":  # long there, and not needed
             return {}
         main, kept, frames = self.controls[name], self.view.kept, []
         self.view.begin()  # a view that remembers begins the book anew

@@ -60,7 +60,7 @@ from hydrolab.figures.style import (
     new_figure,
     plane,
 )
-from hydrolab.paper.study import Study
+from hydrolab.paper.study import SteadyStudy, Study
 
 # the paper's percentages; `eccentricity` says what they stand for on another machine
 VALIDATION = 8.8
@@ -77,7 +77,7 @@ LAST = 3  # of these, and of any other such motion, the orbit of the last ones
 BESIDE, ABOVE = 3.6, 2.1
 
 
-def quoted(study: Study, percentage: float) -> str:
+def quoted(study: SteadyStudy, percentage: float) -> str:
     """A percentage of the paper as it is on this machine, "8.8 %"."""
     return percent(study.eccentricity(percentage))
 
@@ -114,7 +114,7 @@ def figure_4_reading(study: Study) -> str:
             f"{microns(apart[0])} in x and {microns(apart[1])} in z.")
 
 
-def figure_5_reading(study: Study) -> str:
+def figure_5_reading(study: SteadyStudy) -> str:
     """How mean, 1X and 2X grow on the first leg."""
     branch, start, end = study.branch, study.orbits[0.0], study.orbits[8.9]
     marks = [f"{microns(study.orbits[p].amplitudes[0, 0])} at {quoted(study, p)}"
@@ -128,7 +128,7 @@ def figure_5_reading(study: Study) -> str:
             f"1X at {quoted(study, 4.0)} and {second[1]:.1f} % at {quoted(study, 8.9)}.")
 
 
-def figure_6_reading(study: Study) -> str:
+def figure_6_reading(study: SteadyStudy) -> str:
     """How far the orbit travels, how round it is, and where it has a loop."""
     orbits = [study.orbits[p] for p in EVOLUTION]
     ratios = [f"{ellipse(study.orbits[p].coefficients).ratio:.2f} at {quoted(study, p)}"
@@ -142,7 +142,7 @@ def figure_6_reading(study: Study) -> str:
             f"ellipse have the ratio {listed(ratios)}; {loops}.")
 
 
-def figure_7_reading(study: Study) -> str:
+def figure_7_reading(study: SteadyStudy) -> str:
     """The mean bend and the largest 1X over the whole rotor."""
     said = []
     for p in ROTOR:
@@ -237,7 +237,7 @@ def figure_4(study: Study) -> Picture:
     return Picture(figure, figure_4_reading(study))
 
 
-def first_leg(study: Study) -> list[PeriodicOrbit]:
+def first_leg(study: SteadyStudy) -> list[PeriodicOrbit]:
     """Steady states from zero eccentricity to the first fold (or the end), each solved for, and the
     last one there.
 
@@ -258,7 +258,7 @@ def first_leg(study: Study) -> list[PeriodicOrbit]:
 
 
 @house_style()
-def figure_5(study: Study) -> Picture:
+def figure_5(study: SteadyStudy) -> Picture:
     """Mean and harmonics of x and of z over the static eccentricity, up to the first fold, on two
     scales.
     """
@@ -294,7 +294,7 @@ def figure_5(study: Study) -> Picture:
 
 
 @house_style()
-def figure_6(study: Study) -> Picture:
+def figure_6(study: SteadyStudy) -> Picture:
     """Orbits at the generator as the eccentricity grows: as they travel, and each one centred on
     its mean.
     """
@@ -332,7 +332,7 @@ def figure_6(study: Study) -> Picture:
 
 
 @house_style()
-def figure_7(study: Study) -> Picture:
+def figure_7(study: SteadyStudy) -> Picture:
     """The rotor at 1, 5, 7 and 8.9 %, bent, with the orbits of all nodes; a machine without a
     shaft: its orbits.
     """
@@ -372,7 +372,7 @@ def figure_7(study: Study) -> Picture:
     return Picture(figure, figure_7_reading(study))
 
 
-def orbits_only(study: Study) -> Picture:
+def orbits_only(study: SteadyStudy) -> Picture:
     """Figure 7 of a machine that is one point: its orbits at the same eccentricities, on one scale.
     """
     paths = [study.orbits[p].positions(REVOLUTION) for p in ROTOR]

@@ -23,6 +23,9 @@ from hydrolab.machine.cards import load_machine, vary
 from hydrolab.machine.model import ARRAYS
 from hydrolab.machine.parts import Machine
 
+ELSEWHERE = {"COLAB_RELEASE_TAG": "on Google Colab", "KAGGLE_KERNEL_RUN_TYPE": "on Kaggle",
+             "CODESPACES": "in a Codespace", "SSH_CONNECTION": "on a computer reached over SSH"}
+
 
 def frame_address(server: ViserServer) -> str:
     """Where a notebook's page finds the 3D server: on this computer, or behind a hub through
@@ -55,9 +58,14 @@ class MachineView:
 
 
 def _hint() -> str:
-    """On a hub without the proxy the frame stays empty; say what is missing."""
-    if "JUPYTERHUB_SERVICE_PREFIX" not in os.environ or importlib.util.find_spec(
-            "jupyter_server_proxy"):
+    """Where the frame may stay empty, say why and what to do."""
+    if "JUPYTERHUB_SERVICE_PREFIX" not in os.environ:
+        place = next((name for sign, name in ELSEWHERE.items() if sign in os.environ), None)
+        return "" if place is None else (
+            f"<div>This Python runs {place}, whose 127.0.0.1 is not your computer's. If the frame "
+            "stays empty, write a recording there and download it: <code>!hydrolab show --record "
+            "machine.html</code></div>")
+    if importlib.util.find_spec("jupyter_server_proxy"):
         return ""
     return ("<div>On a hub the 3D view needs jupyter-server-proxy: pip install 'hydrolab[hub]', "
             "then restart the server.</div>")

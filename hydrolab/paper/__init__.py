@@ -17,9 +17,9 @@ from hydrolab.paper.calibration import (
     with_amplitude,
 )
 from hydrolab.paper.claims import judge
-from hydrolab.paper.study import run_study
+from hydrolab.paper.study import run_study, steady_study
 
 __all__ = [
     "FREE", "STEPS", "calibrate", "first_fold", "judge", "load_family", "member_of", "run_study",
-    "sensitivity", "unbalance_scale", "with_amplitude",
+    "sensitivity", "steady_study", "unbalance_scale", "with_amplitude",
 ]

@@ -47,17 +47,13 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
-    """Everything the study computes on one machine.
+class SteadyStudy:
+    """The steady states of the study on one machine, which take a second.
 
     scale: 1 where the paper's percentages apply, which is where the first fold lies between its
     8.9 and its 9.0 %; otherwise they are stretched by first fold/8.925 %. branch: steady states
     from 0 past up to three folds. orbits: by the paper's percentages, on the first leg. natural:
-    the paper's own procedure (dog-leg, each start from the last solution). stability: of
-    each point of the branch. check: direct integration at 8.8 %. beyond: direct integration at
-    9.0 %, begun on the 8.9 % orbit; None where an interrupt (Ctrl-C) ended the one before.
-    beyond_orbits: the steady states of the branch at 9.0 %, each with its stability. truncation:
-    relative error of the basis of the integration; see `truncation_error`.
+    the paper's own procedure (dog-leg, each start from the last solution).
     """
 
     machine: Machine
@@ -67,37 +63,15 @@ class Study:
     branch: Branch
     orbits: dict[float, PeriodicOrbit]
     natural: Branch
-    stability: tuple[Floquet, ...]
-    check: Trajectory
-    beyond: Trajectory | None
-    beyond_orbits: tuple[tuple[PeriodicOrbit, Floquet], ...]
-    truncation: float
 
     def eccentricity(self, percentage: float) -> float:
         """Fraction of the gap that stands for a percentage of the paper on this machine."""
         return percentage / 100 * self.scale
 
     @property
-    def interrupted(self) -> bool:
-        """Whether an interrupt kept one of the integrations from its end."""
-        return self.beyond is None or self.beyond.interrupted
-
-    @property
     def limit(self) -> float:
         """First fold, or the end of the branch where there is none; fraction of the gap."""
         return limit_of(self.branch)
-
-    @property
-    def first_loss(self) -> float | None:
-        """Eccentricity of the first point of the first leg that is unstable, or None."""
-        leg = self.branch.first_leg
-        points = zip(self.branch.static_eccentricity[leg], self.stability[leg], strict=True)
-        return next((float(value) for value, point in points if point.verdict == "unstable"), None)
-
-    @property
-    def stability_known(self) -> bool:
-        """Whether each point of the first leg is known to be stable or not."""
-        return all(point.verdict != "unknown" for point in self.stability[self.branch.first_leg])
 
     @cached_property
     def kind(self) -> str:
@@ -111,6 +85,40 @@ class Study:
         return "S-shaped" if len(after) and after.max() > folds[0].value else "plain"
 
 
+@dataclass(frozen=True, eq=False)
+class Study(SteadyStudy):
+    """Everything the study computes on one machine.
+
+    stability: of each point of the branch. check: direct integration at 8.8 %. beyond: direct
+    integration at 9.0 %, begun on the 8.9 % orbit; None where an interrupt (Ctrl-C) ended the one
+    before. beyond_orbits: the steady states of the branch at 9.0 %, each with its stability.
+    truncation: relative error of the basis of the integration; see `truncation_error`.
+    """
+
+    stability: tuple[Floquet, ...]
+    check: Trajectory
+    beyond: Trajectory | None
+    beyond_orbits: tuple[tuple[PeriodicOrbit, Floquet], ...]
+    truncation: float
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether an interrupt kept one of the integrations from its end."""
+        return self.beyond is None or self.beyond.interrupted
+
+    @property
+    def first_loss(self) -> float | None:
+        """Eccentricity of the first point of the first leg that is unstable, or None."""
+        leg = self.branch.first_leg
+        points = zip(self.branch.static_eccentricity[leg], self.stability[leg], strict=True)
+        return next((float(value) for value, point in points if point.verdict == "unstable"), None)
+
+    @property
+    def stability_known(self) -> bool:
+        """Whether each point of the first leg is known to be stable or not."""
+        return all(point.verdict != "unknown" for point in self.stability[self.branch.first_leg])
+
+
 def limit_of(branch: Branch) -> float:
     """First fold of a branch, or its end where there is none; fraction of the gap."""
     return branch.folds[0].value if branch.folds else float(branch.static_eccentricity[-1])
@@ -121,27 +129,16 @@ def scale_of(limit: float) -> float:
     return 1.0 if PERCENTAGES[-1] < 100 * limit < BEYOND else limit / PAPER_LIMIT
 
 
-def run_study(machine: Machine, progress: Progress | None = None, *, revolutions: int = REVOLUTIONS,
-              ramp: int = RAMP) -> Study:
-    """Run the study on a machine at its rated speed.
-
-    It takes some seconds with the pull of a round gap, and minutes with a law by quadrature or a
-    stiff part; most of that is direct integration.
-
-    progress: called with (what is being done, done, all). revolutions, ramp: of the direct
-    integration, which an interrupt (Ctrl-C) ends early: what was computed until then is returned.
-    Raises BadInput for a machine without an air gap, field, unbalance, rotation or damping, or one
-    too slow to be integrated; NoConvergence where there is no stable steady state to begin with.
+def steady_study(machine: Machine, progress: Progress | None = None) -> SteadyStudy:
+    """The steady states of the study on a machine at its rated speed; arguments and errors as of
+    `run_study`.
     """
-    def tell(what: str) -> Callable[[int, int], None]:
-        return lambda done, of: progress(what, done, of) if progress else None
-
+    tell = telling(progress)
     air = check_studied(machine)
     with threadpool_limits(1):
         model, speed, balance = machine.model(), machine.speed, HarmonicBalance(HARMONICS)
         tell("steady states")(0, 1)
         begin = balance.solve(model, speed)
-        method = CentralDifference(stable_steps(model, speed))
         check_begin(begin, air)
         # what the paper could not do: the branch past its folds, as far as a machine can be on it
         branch = follow(model, speed=speed, to=0.9, start=begin,
@@ -158,20 +155,49 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
         natural = sweep(model, replace(balance, solver=powell_dog_leg),
                         step * np.arange(round(1.2 * limit / step)), speed=speed)
         tell("steady states")(1, 1)
+        return SteadyStudy(machine, model, speed, scale, branch, orbits, natural)
+
+
+def run_study(machine: Machine, progress: Progress | None = None, *, revolutions: int = REVOLUTIONS,
+              ramp: int = RAMP) -> Study:
+    """Run the study on a machine at its rated speed.
+
+    It takes some seconds with the pull of a round gap, and minutes with a law by quadrature or a
+    stiff part; most of that is direct integration.
+
+    progress: called with (what is being done, done, all). revolutions, ramp: of the direct
+    integration, which an interrupt (Ctrl-C) ends early: what was computed until then is returned.
+    Raises BadInput for a machine without an air gap, field, unbalance, rotation or damping, or one
+    too slow to be integrated; NoConvergence where there is no stable steady state to begin with.
+    """
+    check_studied(machine)
+    tell = telling(progress)
+    with threadpool_limits(1):
+        method = CentralDifference(stable_steps(machine.model(), machine.speed))
+        steady = steady_study(machine, progress)
+        model, speed, branch = steady.model, steady.speed, steady.branch
         stability = branch_stability(branch).points
         tell("stability")(1, 1)
         # the check, and what happens past the fold
-        check = integrate(model, method, speed=speed, static_eccentricity=VALIDATION / 100 * scale,
+        check = integrate(model, method, speed=speed,
+                          static_eccentricity=steady.eccentricity(VALIDATION),
                           revolutions=revolutions, ramp=ramp,
                           progress=tell("direct integration at 8.8 %"))
+        past = steady.eccentricity(BEYOND)
         beyond = None if check.interrupted else integrate(
-            model, method, speed=speed, static_eccentricity=BEYOND / 100 * scale,
-            revolutions=min(revolutions, REVOLUTIONS_BEYOND), start=orbits[8.9],
+            model, method, speed=speed, static_eccentricity=past,
+            revolutions=min(revolutions, REVOLUTIONS_BEYOND), start=steady.orbits[8.9],
             progress=tell("direct integration at 9.0 %"))
-        there = orbits_at(branch, BEYOND / 100 * scale)
+        there = orbits_at(branch, past)
         truncation = truncation_error(model, check.model, speed, HARMONICS)
-        return Study(machine, model, speed, scale, branch, orbits, natural, stability, check,
-                     beyond, tuple(zip(there, floquet_all(there), strict=True)), truncation)
+        return Study(machine, model, speed, steady.scale, branch, steady.orbits, steady.natural,
+                     stability, check, beyond, tuple(zip(there, floquet_all(there), strict=True)),
+                     truncation)
+
+
+def telling(progress: Progress | None) -> Callable[[str], Callable[[int, int], None]]:
+    """For each thing that is being done, what tells (done, all) of it."""
+    return lambda what: lambda done, of: progress(what, done, of) if progress else None
 
 
 def check_studied(machine: Machine) -> AirGap:

@@ -1,118 +1,147 @@
-"""The course in a browser with nothing installed: built, served on this computer, used as a student
-does, with every other host refused.
+"""The course in a browser with nothing installed: built by the command, served on this computer,
+used as a student does, with every other host refused.
 """
 
 from __future__ import annotations
 
+import datetime
 import json
 import re
-import threading
-import time
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
 
-from hydrolab.cli import find_book, prepare_folder
+from hydrolab import cli
+from hydrolab.course import pages
 from hydrolab.course import refresh as notebooks
-from tests.browser.conftest import FLAGS, KERNEL, Visit, is_local
 from tests.chromium import BROWSER, keep
 from tests.pyodide_distribution import distribution, missing
 
-pytest.importorskip("jupyterlite_core", reason="the live course needs the extra `live`")
-from hydrolab.course.browser_site import build_site, serve_site
+if absent := [name for name in ("jupyterlite_core", "playwright") if find_spec(name) is None]:
+    pytest.skip(f"the live course needs {absent}, of the extra [test]", allow_module_level=True)
+from tests import browser_chapters as live
 
 pytestmark = pytest.mark.browser
 MOST = 90e6  # bytes
-STUDENT = "prediction_of_mine = 3.25\n"
+SCENE = 700e3  # bytes
+BOOK = cli.find_book()
+CHAPTERS = sorted(BOOK.glob("[0-9]*.ipynb"))
+TODAY = datetime.date.today().toordinal()
+# Two chapters a day: each is run within a week, all by `python -m tests.browser_chapters`.
+DRAWN = [CHAPTERS[(2 * TODAY + i) % len(CHAPTERS)] for i in range(2)]
+SOURCE = re.compile('src="([^"]+)"')
+STUDENT = "prediction_of_mine = 3.25"
 
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The built site, and its address."""
+    """The folder as the command builds it."""
     if BROWSER is None:
         missing("no Chromium or Chrome on this computer")
-    folder = tmp_path_factory.mktemp("live")
-    course, out = folder / "course", folder / "site"
-    prepare_folder(course)
-    said = build_site(course, out, distribution())
-    assert "no page asks another computer" in said
-    server = serve_site(out)
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield out, f"http://127.0.0.1:{server.server_address[1]}"
-    server.shutdown()
-    server.server_close()
+    out = tmp_path_factory.mktemp("live") / "site"
+    done = subprocess.run([sys.executable, "-m", "hydrolab.cli", "book", "--live", "--pyodide",
+                           str(distribution()), "--out", str(out)],
+                          capture_output=True, text=True, timeout=400, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "no page asks another computer" in done.stdout
+    return out
 
 
 @pytest.fixture
 def visit(site):
     """A page in Chromium that refuses every host but this one."""
-    api = pytest.importorskip("playwright.sync_api", reason="Playwright is in the extra [test]")
-    with api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=BROWSER, args=FLAGS)
-        context = browser.new_context(viewport={"width": 1280, "height": 900},
-                                      accept_downloads=True)
-        page = context.new_page()
-        page.set_default_timeout(120_000)
-        found = Visit(page, site[1])
-        context.route(lambda address: not is_local(address),
-                      lambda route: (found.strangers.append(route.request.url), route.abort()))
+    with live.served(site) as address, live.visiting(address) as found:
         yield found
-        assert not found.strangers
-        browser.close()
 
 
-def opened(visit: Visit, chapter: str) -> None:
-    """Open a chapter and wait until its kernel is idle."""
-    visit.page.goto(f"{visit.address}/lab/index.html?path={chapter}")
-    visit.page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
-    visit.page.wait_for_function(f"{KERNEL}?.status === 'idle'")
-
-
-def test_the_folder_is_small_and_holds_no_answers_it_should_not(site):
-    out, _ = site
-    assert sum(path.stat().st_size for path in out.rglob("*") if path.is_file()) < MOST
-    lock = json.loads((out / "pyodide" / "pyodide-lock.json").read_text(encoding="utf-8"))
+def test_the_folder_is_small_and_complete(site):
+    sizes = {path.relative_to(site): path.stat().st_size for path in site.rglob("*")
+             if path.is_file()}
+    assert sum(sizes.values()) < MOST
+    lock = json.loads((site / "pyodide" / "pyodide-lock.json").read_text(encoding="utf-8"))
     assert not {"pandas", "scikit-learn", "pyarrow"} & set(lock["packages"])
-    assert all((out / "pyodide" / entry["file_name"]).is_file()
-               for entry in lock["packages"].values())
+    for name, entry in lock["packages"].items():
+        assert re.match(r"\d+(\.\d+)+", entry["version"]), name
+        assert Path("pyodide", entry["file_name"]) in sizes
+    for chapter in CHAPTERS:
+        assert (site / "files" / chapter.name).read_bytes() == chapter.read_bytes()
+    for scene in set().union(*pages.SCENES.values()):
+        assert sizes[Path("scenes", f"{pages.scene_name(*scene)}.js")] < SCENE
 
 
-def test_a_student_in_a_chapter(visit, tmp_path):
-    page, start = visit.page, time.monotonic()
-    page.goto(f"{visit.address}/")  # the front page goes to chapter 0
+def test_the_front_page_opens_chapter_0(visit):
+    visit.page.goto(f"{visit.address}/")
+    visit.page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
+    visit.page.wait_for_url("**/lab/index.html?path=00-start-here.ipynb")
+
+
+def test_a_page_leads_to_its_explorer_which_moves_and_3d_plays(visit):
+    page = visit.page
+    page.goto(f"{visit.address}/pages/00-start-here.html")
+    assert page.get_by_role("link", name="Open it live").get_attribute("href") == (
+        "../lab/index.html?path=00-start-here.ipynb")
+    assert pages.LACKS.strip("*") in page.locator("main").inner_text()
+    page.get_by_role("link", name="Move it yourself").click()
     page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
-    page.wait_for_function(f"{KERNEL}?.status === 'idle'")
-    said = visit.run("import hydrolab, os; print(os.listdir('.')[:1] and 'ready')")
-    assert said.strip() == "ready", said
-    print(f"ready after {time.monotonic() - start:.1f} s")
-
-    cells = visit.run_all()
-    assert all(cell["count"] for cell in cells)
-    assert not [output for cell in cells for output in cell["outputs"]
-                if output["output_type"] == "error" or output.get("name") == "stderr"]
-
-    # A slider moves a picture.
-    cell = visit.show_cell("_explorer(")
-    words, handle = cell.locator("[role=status]"), cell.locator(".noUi-handle").first
-    words.wait_for()
-    first = words.inner_text()
-    handle.press("ArrowRight")  # the notebook takes the focus back
+    track, words = page.locator(".noUi-base").first, page.locator(".jp-Cell [role=status]").first
+    words.wait_for()  # the page runs the chapter to the explorer
+    first, width = words.inner_text(), track.bounding_box()["width"]
+    track.click(position={"x": width * 0.2, "y": 3})
     page.wait_for_function("([words, first]) => words.innerText !== first",
                            arg=[words.element_handle(), first])
-    keep(page, "live-course")
+    keep(page, "live-slider")
+
+    # 3D is a recording there, and says so.
+    said = visit.run("from hydrolab.live import show\nprint(show(unit)._repr_html_())")
+    assert "This is a recording" in said
+    page.goto(f"{visit.address}/lab/{SOURCE.search(said)[1]}")
+    page.wait_for_function("window.__viserMutable?.nodeRefFromName?.['/shaft']")
+    keep(page, "live-scene")
+
+
+@pytest.mark.parametrize("chapter", DRAWN, ids=lambda path: path.stem)
+def test_a_chapter_says_what_is_stored(visit, chapter, tmp_path):
+    live.opened(visit, f"lab/index.html?path={chapter.name}")
+    cells = live.run(visit)
+    assert not live.differences(chapter, cells)
+    keep(visit.page, "live-chapter")
+    if chapter != DRAWN[0]:
+        return
 
     # What is typed is there after a reload, and leaves in one click.
+    page = visit.page
     page.evaluate("""text => window.jupyterapp.shell.currentWidget.content.widgets
         .find(cell => cell.model.type === 'code').model.sharedModel.setSource(text)""", STUDENT)
+    page.wait_for_function("window.jupyterapp.shell.currentWidget.context.model.dirty")
     page.wait_for_function("!window.jupyterapp.shell.currentWidget.context.model.dirty")
     page.reload()
     page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
-    page.wait_for_function(f"{KERNEL}?.status === 'idle'")
+    page.wait_for_function(live.IDLE)
     assert visit.cells()[0]["source"] == STUDENT
     with page.expect_download() as download:
         page.get_by_role("button", name=re.compile("Download")).first.click()
     download.value.save_as(tmp_path / "mine.ipynb")
-    mine = notebooks.read(tmp_path / "mine.ipynb")
-    book = notebooks.read(find_book() / "00-start-here.ipynb")
-    assert [cell["source"] for cell in mine["cells"]][2:] == [
-        cell["source"] for cell in book["cells"]][2:]
-    assert STUDENT.strip() in "".join(cell["source"] for cell in mine["cells"])
+    mine, book = (notebooks.read(path)["cells"] for path in (tmp_path / "mine.ipynb", chapter))
+    changed = [(here["source"], there["source"]) for here, there in zip(mine, book, strict=True)
+               if here["source"] != there["source"]]
+    assert [here for here, _ in changed] == [STUDENT]
+
+
+def test_the_students_course_holds_no_answers(monkeypatch, tmp_path, capsys):
+    seen = {}
+
+    def build_site(contents, out, pyodide):
+        for path in contents.rglob("*"):
+            if path.is_file():
+                seen[path.name] = path.read_bytes().decode("utf-8", "replace")
+        return "built"
+
+    monkeypatch.setattr("hydrolab.course.browser_site.build_site", build_site)
+    assert cli.main(["book", "--live", "--students", "--out", str(tmp_path / "site")]) == 0
+    assert capsys.readouterr().out == "built\n"  # no pages: they hold the solutions
+    assert {path.name for path in CHAPTERS} <= set(seen)
+    assert not [name for name, text in seen.items()
+                if re.search(r"<summary>[^<]*([Ss]olution|[Aa]nswer)", text)]

@@ -2,6 +2,7 @@
 stays.
 """
 
+import itertools
 import json
 import re
 import tomllib
@@ -59,6 +60,28 @@ def test_a_flipbook_follows_its_still_picture():
     assert page["text/html"].count("</script>") == 1
     frames = re.search(r'json">(.*)</script>', page["text/html"])[1]
     assert json.loads(frames) == book["frames"]
+
+
+def test_a_page_leads_to_its_live_chapter_and_says_what_it_lacks():
+    notebook = markdown("# 2 · Title", "1. one (2.1)\n2. two\n\n<details>\n\n1. yes\n2. no")
+    notebook["cells"][1]["metadata"] = {"tags": ["live-2"]}
+    plain = json.loads(pages.chapter_page(json.dumps(notebook), {}))["cells"]
+    assert plain[0]["source"] == "# 2 · Title"
+    assert plain[1]["source"].split("\n")[:2] == ["1. one (2.1)", f"2. two {pages.LACKS}"]
+    assert plain[1]["source"].endswith("1. yes\n2. no")
+    live = json.loads(pages.chapter_page(json.dumps(notebook), {}, "../lab?path=2"))["cells"]
+    assert '<a class="live" href="../lab?path=2">Open it live</a>' in live[0]["source"]
+
+
+def test_each_question_that_a_page_cannot_answer_is_one():
+    """The tags `live-N` name questions below an explorer that has a flip-book."""
+    for name, notebook in pages.chapters(BOOK).items():
+        for before, cell in itertools.pairwise(notebook["cells"]):
+            numbers = [tag[5:] for tag in cell["metadata"].get("tags", ()) if tag[:5] == "live-"]
+            if numbers:
+                assert any(pages.FLIPBOOK in output["data"] for output in before["outputs"]), name
+                asked = "".join(cell["source"]).split("<details>")[0]
+                assert set(numbers) <= set(re.findall(r"^(\d)\. ", asked, re.MULTILINE)), name
 
 
 def test_equations_and_publications_of_the_book():

@@ -7,7 +7,7 @@ import pytest
 from hydrolab import Arclength, HarmonicBalance, follow, load_machine, orbits_at
 from hydrolab.errors import BadInput
 from hydrolab.figures.readings import reading
-from hydrolab.live.cell import show
+from hydrolab.live.cell import ELSEWHERE, show
 from hydrolab.live.server import current_server
 
 
@@ -89,3 +89,17 @@ def test_what_cannot_be_shown_gets_a_sentence(unit, branch, make_jeffcott):
             show(what)
     with pytest.raises(BadInput, match="height is 20"):
         show(unit, height=20)
+
+
+@pytest.mark.parametrize(("sign", "words"), [("COLAB_RELEASE_TAG", "on Google Colab"),
+                                             ("SSH_CONNECTION", "reached over SSH"), (None, "")])
+def test_the_cell_says_where_this_computer_is_not_the_readers(unit, monkeypatch, sign, words):
+    for name in ("JUPYTERHUB_SERVICE_PREFIX", *ELSEWHERE):
+        monkeypatch.delenv(name, raising=False)
+    if sign:
+        monkeypatch.setenv(sign, "1")
+    shown = []
+    monkeypatch.setattr("ipywidgets.HTML.__init__", lambda self, text: shown.append(text))
+    monkeypatch.setattr("ipywidgets.HTML._repr_mimebundle_", lambda self: {})
+    bundle(show(unit))
+    assert words in shown[0] and ("--record" in shown[0]) == bool(sign)
