@@ -39,8 +39,8 @@ EXPLAINED = {
 # All that a chapter imports of hydrolab; how a package is divided is no business of a reader's.
 PATHS = {"hydrolab", "hydrolab.machine", "hydrolab.dynamics", "hydrolab.paper", "hydrolab.figures",
          "hydrolab.explorers", "hydrolab.course", "hydrolab.live"}
-# live-N: a question that the static page cannot answer; browser-N: seconds in a browser's Python
-TAGS = re.compile(r"raises-exception|nbval-ignore-output|live-\d|browser-\d+")
+# live-N: the questions that the static page cannot answer; browser-N: seconds in a browser's Python
+TAGS = re.compile(r"raises-exception|nbval-ignore-output|live-\d+|browser-\d+")
 # Written so that this file does not hold what it looks for.
 OF_ONE_COMPUTER = re.compile(
     r"/(?:roo[t]|wor[k]|hom[e]|tm[p]|opt|us[r]|va[r]|User[s])/|[A-Z]:\\|site-package[s]|"

@@ -95,12 +95,10 @@ def chapter_page(text: str, places: Mapping[str, str], live: str = "") -> str:
 
 def _with_lacks(text: str, tags: Sequence[str]) -> str:
     """Questions for an explorer, with a word at those that its flip-book cannot answer: a tag
-    `live-2` of the cell says that the second one is such.
+    `live-23` of the cell says that the second and the third are such.
     """
-    for tag in tags:
-        if tag.startswith("live-"):
-            text = re.sub(rf"^{tag[5:]}\. .*$", rf"\g<0> {LACKS}", text, count=1,
-                          flags=re.MULTILINE)
+    for number in "".join(tag[5:] for tag in tags if tag.startswith("live-")):
+        text = re.sub(rf"^{number}\. .*$", rf"\g<0> {LACKS}", text, count=1, flags=re.MULTILINE)
     return text
 
 

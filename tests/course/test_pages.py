@@ -77,7 +77,8 @@ def test_each_question_that_a_page_cannot_answer_is_one():
     """The tags `live-N` name questions below an explorer that has a flip-book."""
     for name, notebook in pages.chapters(BOOK).items():
         for before, cell in itertools.pairwise(notebook["cells"]):
-            numbers = [tag[5:] for tag in cell["metadata"].get("tags", ()) if tag[:5] == "live-"]
+            numbers = "".join(tag[5:] for tag in cell["metadata"].get("tags", ())
+                              if tag.startswith("live-"))
             if numbers:
                 assert any(pages.FLIPBOOK in output["data"] for output in before["outputs"]), name
                 asked = "".join(cell["source"]).split("<details>")[0]
