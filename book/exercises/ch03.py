@@ -1,5 +1,5 @@
-"""Chapter 3: the step limit, the frequency error, a damped method's order, how long a transient
-lasts.
+"""Chapter 3: the step limit, Newmark's frequency error, a damped method's order, an alias, how long
+a transient lasts.
 """
 
 from __future__ import annotations
@@ -67,21 +67,36 @@ EXERCISES = {
         Mistake(lambda right: right * speed() / 150, "This divides by 150, the speed in rpm.",
                 see=LIMIT),
     )),
-    "3.2": Exercise(lambda: 2 * math.pi * omega() / speed() / math.sqrt(24e-4), see="Eq. (3.5)",
-                    rtol=0.01, mistakes=(
-        Mistake(lambda right: right * math.sqrt(2),
-                "The 12 belongs to Newmark; central differences have 24.", see=LIMIT),
-        Mistake(lambda right: right / (2 * math.pi), "A revolution has 2π radians.", see=LIMIT),
-        Mistake(lambda right: 2 * math.pi * omega() / speed() / 24e-4,
+    "3.2": Exercise(lambda: 2 * math.pi * omega() / speed() / math.sqrt(12e-4), see="Eq. (3.6)",
+                    mistakes=(
+        Mistake(lambda right: right / math.sqrt(2),
+                "The 24 belongs to central differences; derive Newmark's own.", see=LIMIT),
+        Mistake(lambda right: 2 * math.pi * omega() / speed() / 12e-4,
                 "The step enters with its square.", see=LIMIT),
+        Mistake(lambda right: 2 * math.pi * omega() / speed() / math.sqrt(6e-4),
+                "The tangent's series has a third, and the half angle a quarter."),
+        Mistake(lambda right: 2 * math.pi * omega() / speed() / math.sqrt(12e-2),
+                "One in ten thousand is 1e-4."),
+        Mistake(lambda right: 128.0, "These are the steps of the chapter's runs."),
     )),
-    "3.3": Exercise(damped_order, see=ORDER, rtol=0.03, mistakes=(
+    "3.3": Exercise(damped_order, see=ORDER, within=(0.9, 1.05), mistakes=(
         Mistake(lambda right: 2.0, "This is the order of the undamped method; measure this one.",
-                see=ORDER),
-        Mistake(lambda right: -right, "The error falls with the step; turn the ratio over.",
                 see=ORDER),
         Mistake(lambda right: right * math.log(2),
                 "The logarithm must have the base by which the step changed.", see=ORDER),
     )),
-    "3.4": Exercise(lambda: 300, see="A spectrum", reply=left),
+    "3.4": Exercise(lambda: 48, see="Pole pairs, and what 2f means", rtol=1e-3, mistakes=(
+        Mistake(lambda right: 8, "This is where it appears. With 20 samples in a revolution other "
+                "multiples look the same."),
+        Mistake(lambda right: 12, "That is the mirror image; which of them is 2f of the grid?"),
+        Mistake(lambda right: 28, "That looks like 8X too. Which of them is 2f of the grid?"),
+        Mistake(lambda right: 24, "2f is twice the grid's frequency."),
+        Mistake(lambda right: 120, "This is in Hz; a multiple of the speed is asked for."),
+        Mistake(lambda right: 40, "Forty is twice the sampling; the line lies eight above it."),
+    )),
+    "3.5": Exercise(lambda: 300, see="A spectrum", reply=left, rubric=(
+        (1, "the start's size and the rate at which it falls"),
+        (1, "a margin, because other parts than the slowest are in the start"),
+        (1, "what the step leaves beside it"),
+    )),
 }

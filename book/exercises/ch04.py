@@ -1,4 +1,6 @@
-"""Chapter 4: counting unknowns and samples, a cubic pull, how many harmonics."""
+"""Chapter 4: counting unknowns and samples, a cubic pull, where solutions merge, how many
+harmonics.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from hydrolab import HarmonicBalance, load_machine
 from hydrolab.course.answers import Exercise, Mistake
@@ -47,6 +50,21 @@ def orbit(harmonics: int, cubic: bool = False) -> PeriodicOrbit:
                                             load_machine("jeffcott").speed, ECCENTRICITY)
 
 
+@cache
+def merging(zeta: float = 0.05, low: float = 1.5) -> float:
+    """The force at which two solutions of Eq. (4.3) merge at ω = 1.4, above an amplitude."""
+    found = minimize_scalar(lambda a: ((1 - 1.96) * a + 0.15 * a**3) ** 2 + (2.8 * zeta * a) ** 2,
+                            bounds=(low, 3.5), method="bounded", options={"xatol": 1e-10})
+    return float(np.sqrt(found.fun))
+
+
+@cache
+def upper_merging() -> float:
+    """The force at which the other two merge."""
+    a = np.linspace(0.5, 2.0, 15001)
+    return float(np.sqrt((((1 - 1.96) * a + 0.15 * a**3) ** 2 + (0.14 * a) ** 2).max()))
+
+
 def kept(harmonics: float) -> str:
     """What a number of harmonics leaves."""
     if harmonics != int(harmonics) or not 1 <= harmonics <= 16:
@@ -78,6 +96,10 @@ EXERCISES = {
     )),
     "4.3": Exercise(lambda: 1e6 * orbit(4, True).amplitudes[0, 1], see="By hand: the rotor",
                     unit="µm", rtol=0.005, mistakes=(
+        Mistake(lambda right: 1e6 * orbit(4, True).amplitudes[1, 1],
+                "This is 2X in z; it is asked for in x.", see="By hand: the rotor"),
+        Mistake(lambda right: 1e6 * orbit(4, True).amplitudes[0, 0], "This is 1X.",
+                see="By hand: the rotor"),
         Mistake(lambda right: 1e6 * orbit(4).amplitudes[0, 1], "This is with the whole pull.",
                 see="By hand: the rotor"),
         Mistake(lambda right: 2 * right, "This is peak to peak; amplitudes are 0-to-peak here.",
@@ -85,5 +107,19 @@ EXERCISES = {
         Mistake(lambda right: right / np.sqrt(2), "This is the rms value of the harmonic.",
                 see="By hand: the rotor"),
     )),
-    "4.4": Exercise(lambda: 4, see="How many harmonics", reply=kept),
+    "4.4": Exercise(merging, see="Eq. (4.3)", rtol=0.001, mistakes=(
+        Mistake(lambda right: upper_merging(),
+                "There the lower two merge, when the force grows; lower it."),
+        Mistake(lambda right: right * right, "This is the minimum of the left side, f squared."),
+        Mistake(lambda right: 0.5, "There are three at that force; go lower."),
+        Mistake(lambda right: 0.14 * 2.53,
+                "This is the damper alone; near, but take the whole left side."),
+        Mistake(lambda right: 0.36, "Too early: a grid loses two solutions that lie between its "
+                "points."),
+    )),
+    "4.5": Exercise(lambda: 4, see="How many harmonics", reply=kept, rubric=(
+        (1, "the error of several numbers of harmonics, not of one"),
+        (1, "the cost in unknowns"),
+        (1, "what changes nearer to the fold"),
+    )),
 }

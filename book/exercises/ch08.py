@@ -1,9 +1,12 @@
-"""Chapter 8: the stiffness at the generator, the readings of 200 µm, and another machine that fits.
+"""Chapter 8: the stiffness at the generator, a circle of 3 mm, a reading of 200 µm, where the pull
+wins, and another machine that fits.
 """
 
 from __future__ import annotations
 
 from functools import cache
+
+from scipy.optimize import brentq
 
 from hydrolab import load_machine, rpm
 from hydrolab.course.answers import Exercise, Mistake
@@ -18,7 +21,6 @@ from hydrolab.paper.calibration import (
     unbalance_scale,
 )
 
-EQUAL = 9.04 / 12  # m, length of one of twelve equal elements
 LINK = 0.472  # m, generator centre above the shaft top
 
 
@@ -34,18 +36,18 @@ def model() -> Model:
     return unit().model()
 
 
-def kappa(depth: float, *, link: float = LINK, span_from: float | None = None, bending: float = 1.0,
+def kappa(depth: float = 0.0, *, link: float = LINK, bending: float = 1.0,
           shear: float = 1.0) -> float:
-    """Stiffness at the generator over the pull's, Eq. (8.1), for a guide bearing at a depth, m,
-    and a link of the generator to the shaft top, m.
+    """Stiffness at the generator over the pull's, Eq. (8.1), for a guide bearing at a depth, m, the
+    card's where it is 0, and a link of the generator to the shaft top, m.
 
-    span_from: depth from which the span to the turbine bearing is counted. bending, shear: factors
-    on these parts.
+    bending, shear: factors on these parts.
     """
     shaft = unit().shaft
     guide, turbine = (bearing.stiffness[0, 0] for bearing in unit().bearings)
+    depth = depth or shaft.nodes[unit().bearings[0].node]
     a = depth + link
-    span = shaft.nodes[unit().bearings[1].node] - (depth if span_from is None else span_from)
+    span = shaft.nodes[unit().bearings[1].node] - depth
     carried = shaft.shear_coefficient * shaft.young / (2 * (1 + shaft.poisson)) * shaft.area[0]
     parts = ((1 + a / span) ** 2 / guide + (a / span) ** 2 / turbine
              + bending * (a**3 - link**3 + a**2 * span) / (3 * shaft.young * shaft.second_moment[0])
@@ -83,45 +85,75 @@ def another_machine(mass: float) -> str:
 
 STIFF = "How stiff is the shaft at the generator"
 READINGS = "Two readings of 200 µm"
+AREA, INERTIA = (0.71 / 0.8) ** 2, (0.71 / 0.8) ** 4  # of flexibilities, for a shaft of 800 mm
+RMS = 2**0.5 * AMPLITUDE
+
+
+def thicker(bending: float = INERTIA, shear: float = AREA, link: float = LINK) -> float:
+    """κ with the shaft of 800 mm, or with other factors on its parts."""
+    return kappa(bending=bending, shear=shear, link=link)
+
+
+def hopeless(link: float = LINK, times: float = 1.0) -> float:
+    """Depth at which κ falls to `times`, m."""
+    return brentq(lambda depth: kappa(depth, link=link) - times, 0.3, 4.0)
+
 
 EXERCISES = {
-    "8.1": Exercise(lambda: kappa(EQUAL), see="Eq. (8.1)", mistakes=(
+    "8.1": Exercise(thicker, see="Eq. (8.1)", rtol=0.002, mistakes=(
         Mistake(lambda right: right * model().law.stiffness / 1e6,
                 "This is the stiffness in MN/m; κ is its ratio to the pull's.", see=STIFF),
         Mistake(lambda right: right * model().law.stiffness,
                 "This is the stiffness in N/m; κ is its ratio to the pull's.", see=STIFF),
-        Mistake(lambda right: 1 / right, "This is the pull over the stiffness, upside down.",
-                see=STIFF),
-        Mistake(lambda right: kappa(EQUAL, link=0.0),
+        Mistake(lambda right: thicker(shear=1.0), "The area grows too, and with it the stiffness "
+                "in shear."),
+        Mistake(lambda right: thicker(bending=AREA), "I goes with the fourth power of the "
+                "diameter."),
+        Mistake(lambda right: kappa(), "This is the card's shaft."),
+        Mistake(lambda right: kappa() / INERTIA, "Only the shaft becomes stiffer, not the "
+                "bearings."),
+        Mistake(lambda right: thicker(link=0.0),
                 "The force acts at the generator centre, which stands above the shaft top.",
                 see=STIFF),
-        Mistake(lambda right: kappa(2 * EQUAL), "That is the second node below the shaft top.",
-                see=STIFF),
-        Mistake(lambda right: kappa(EQUAL, bending=1 / 16),
+        Mistake(lambda right: thicker(bending=INERTIA / 16),
                 "In I a diameter was taken for a radius: it makes the shaft 16 times too stiff "
                 "in bending."),
     )),
-    "8.2": Exercise(lambda: factor(AMPLITUDE / 2), see="Eq. (8.3)", mistakes=(
-        Mistake(lambda right: factor(2 * AMPLITUDE),
-                "Peak-to-peak is twice the radius, not half of it.", see=READINGS),
-        Mistake(lambda right: factor(AMPLITUDE), "This keeps the radius of the card.",
-                see=READINGS),
-        Mistake(lambda right: factor(AMPLITUDE / 2, False),
-                "This is without field; the colleague counts with it.", see=READINGS),
-        Mistake(lambda right: right * 2**0.5,
-                "This is for an rms value; peak-to-peak is asked for.", see=READINGS),
+    "8.2": Exercise(lambda: factor(3e-3), see="Eq. (8.3)", mistakes=(
+        Mistake(lambda right: 15.0, "The circle does not grow in proportion: the pull is stiffer "
+                "at 3 mm.", see=READINGS),
+        Mistake(lambda right: factor(3e-3, False), "This is without field.", see=READINGS),
+        Mistake(lambda right: factor(1.5e-3), "This circle has a diameter of 3 mm.", see=READINGS),
+        Mistake(lambda right: factor(6e-3), "This circle has a radius of 6 mm.", see=READINGS),
+        Mistake(lambda right: factor(3e-4), "This is for 0.3 mm.", see=READINGS),
     )),
-    "8.3": Exercise(lambda: fold_percent(factor(AMPLITUDE / 2)), see="One depth for one fold",
-                    unit="%", mistakes=(
+    "8.3": Exercise(lambda: fold_percent(factor(RMS)), see="One depth for one fold",
+                    unit="% of the gap", rtol=0.003, mistakes=(
         Mistake(lambda right: fold_percent(1.0), "This is the fold with the card's unbalances.",
                 see=READINGS),
+        Mistake(lambda right: fold_percent(factor(AMPLITUDE / 2**0.5)),
+                "An amplitude is √2 times the rms value, not the reverse.", see=READINGS),
         Mistake(lambda right: fold_percent(factor(2 * AMPLITUDE)),
-                "This machine has too much unbalance: peak-to-peak is twice the radius.",
-                see=READINGS),
+                "This is for a radius of 400 µm.", see=READINGS),
+        Mistake(lambda right: fold_percent(factor(AMPLITUDE / 2)),
+                "This is for 200 µm peak-to-peak.", see=READINGS),
         Mistake(lambda right: fold_percent(0.0),
                 "This is the static pull-in, without any unbalance."),
-        Mistake(lambda right: fold_percent(factor(AMPLITUDE / 2, False)),
+        Mistake(lambda right: fold_percent(factor(RMS, False)),
                 "This counts the 200 µm without field.", see=READINGS),
     )),
-    "8.4": Exercise(lambda: 80.0, see="One depth for one fold", reply=another_machine),
+    "8.4": Exercise(hopeless, see=STIFF, unit="m", rtol=0.003, mistakes=(
+        Mistake(lambda right: hopeless(link=0.0), "The generator stands above the shaft top."),
+        Mistake(lambda right: right + LINK, "This is the distance from the generator; the depth is "
+                "counted from the shaft top."),
+        Mistake(lambda right: hopeless(times=1.628), "There the static pull-in is at 8.9 %; "
+                "some eccentricity is held."),
+        Mistake(lambda right: 2 * 9.04 / 12, "This is the second node of equal elements; there the "
+                "springs still win."),
+    )),
+    "8.5": Exercise(lambda: 80.0, see="One depth for one fold", reply=another_machine, rubric=(
+        (1, "a machine that keeps the fold and the 200 µm"),
+        (1, "in which results it differs from ours, and in which not"),
+        (1, "which measurement would decide between the two"),
+    )),
 }

@@ -1,10 +1,14 @@
-"""Chapter 11: the force of two shapes, a taller rim that leans, and a 2X without eccentricity."""
+"""Chapter 11: the force of two shapes, the forces of three, a taller rim that leans, a force of
+third order, and a 2X without eccentricity.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
+
+import numpy as np
 
 from hydrolab import (
     Arclength,
@@ -36,9 +40,16 @@ def shape_force(gap: float) -> float:
     return selection_rule(pull, gap, ("stator", Bulge(4, SIZE)), ("rotor", Bulge(5, SIZE))).size
 
 
-def turns_of_four_lobes() -> int:
-    """Turns in a revolution of the force of a rotor with four lobes in a stator with five."""
-    return selection_rule(1.0, 1.0, ("rotor", Bulge(4, 0.1)), ("stator", Bulge(5, 0.1))).turns
+@cache
+def third_order(share: float) -> float:
+    """Force of a stator of order 5 and a rotor of order 2, each of a share of the gap, N: the
+    largest of the parts that turn.
+    """
+    gap, still = unit().air_gap.gap, np.zeros(2)
+    law = shaped_law(unit().air_gap.pull_stiffness, gap, (Bulge(5, share * gap),),
+                     (Bulge(2, share * gap),))
+    forces = [law.force(still, still, 2 * np.pi * i / 64, unit().speed) for i in range(64)]
+    return float(abs(np.fft.fft(np.array(forces) @ [1j, 1]) / 64).max())
 
 
 @cache
@@ -55,10 +66,10 @@ def fold_percent(height: float) -> float:
 def two_shapes(said: Sequence[float]) -> str:
     """The 2X of a machine without eccentricity with a stator and a rotor shape."""
     stator, rotor, percent = said
-    if any(order != int(order) or not 1 <= order <= 12
+    if any(order != int(order) or not 2 <= order <= 12
            for order in (stator, rotor)) or not 0 < percent <= 20:
-        return ("noted, but orders are whole numbers from 1 to 12, and a size lies between 0 and "
-                "20 %.")
+        return ("noted, but orders are whole numbers from 2 to 12 (1 is an eccentricity), and a "
+                "size lies between 0 and 20 %.")
     gap, size = unit().air_gap.gap, percent / 100 * unit().air_gap.gap
     law = shaped_law(unit().air_gap.pull_stiffness, gap, (Bulge(int(stator), size),),
                      (Bulge(int(rotor), size),))
@@ -88,18 +99,36 @@ EXERCISES = {
         Mistake(lambda right: right / SIZE, "The force holds the product of both sizes."),
         Mistake(lambda right: shape_force(unit().air_gap.gap / 2), "The gap g0 is 11 mm."),
     )),
-    "11.2": Exercise(turns_of_four_lobes, see="A selection rule", rtol=0.0, atol=0.1, mistakes=(
-        Mistake(lambda right: 4, "The stator's order is the higher one: look at the sense again."),
-        Mistake(lambda right: -5, "The turns are counted by the shape that turns."),
-        Mistake(lambda right: 5,
-                "The turns are counted by the shape that turns, and its order is the lower one."),
-        Mistake(lambda right: 1, "Only two shapes of the rotor make a force that turns with it."),
-        Mistake(lambda right: 0, "Only two shapes of the stator make a force that stands still."),
+    "11.2": Exercise(lambda: [-2, 4], see="A selection rule", rtol=0.0, atol=0.1, mistakes=(
+        Mistake(lambda right: [2, -4], "Look at the sense again: forward if the stator's order is "
+                "one less."),
+        Mistake(lambda right: [-4, 2], "Look at the sense again: forward if the stator's order is "
+                "one less."),
+        Mistake(lambda right: [2, 4], "Not both go with the spin: which orders are below the "
+                "stator's?"),
+        Mistake(lambda right: [-4, -2], "Not both go against the spin."),
+        Mistake(lambda right: [-3, 3], "The turns are counted by the shape that turns."),
+        Mistake(lambda right: [-1, 1], "The orders differ by one; how often the force turns is the "
+                "order of the shape that turns."),
     )),
-    "11.3": Exercise(lambda: fold_percent(TALL), see="Leaning", unit="%", mistakes=(
+    "11.3": Exercise(lambda: fold_percent(TALL), see="Leaning", unit="% of the gap", mistakes=(
         Mistake(lambda right: fold_percent(TALL / 2), "This is the rim of the card, 0.97 m."),
         Mistake(lambda right: fold_percent(0.0), "This rotor stands upright."),
         Mistake(lambda right: fold_percent(2 * TALL), "The height was doubled twice."),
     )),
-    "11.4": Exercise(lambda: [3.0, 2.0, 4.0], see="Out of round", reply=two_shapes),
+    "11.4": Exercise(lambda: third_order(0.015), see="A selection rule", unit="N", rtol=0.02,
+                     mistakes=(
+        Mistake(lambda right: third_order(0.03) / 4, "A quarter is the rule of (11.3), and this "
+                "pair breaks that rule: its force is of a higher order."),
+        Mistake(lambda right: third_order(0.03) / 2, "Both shapes are half as large."),
+        Mistake(lambda right: third_order(0.03) / 16, "The rotor's shape counts twice and the "
+                "stator's once: the third order, not the fourth."),
+        Mistake(lambda right: 0.0, "The rule forbids a force of second order only."),
+        Mistake(lambda right: third_order(0.03), "This is with shapes of 3 %."),
+    )),
+    "11.5": Exercise(lambda: [3.0, 2.0, 4.0], see="Out of round", reply=two_shapes, rubric=(
+        (1, "two orders that differ by one, with the reason"),
+        (1, "more than 24 µm with shapes inside a tolerance"),
+        (1, "one number of the record that tells this machine from an eccentric one"),
+    )),
 }

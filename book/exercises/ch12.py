@@ -1,4 +1,4 @@
-"""Chapter 12: amplitudes, balance, a zone border, and the faults of unknown machines."""
+"""Chapter 12: amplitudes, balance, a zone border, a false 2X, the faults of unknown machines."""
 
 from __future__ import annotations
 
@@ -43,6 +43,13 @@ def reaches(size: float) -> float:
     return 100 * brentq(lambda e: peak_to_peak(e) - size, 0.001, 0.0892, xtol=1e-7)
 
 
+def leaked(cosine: float, revolutions: float = 4.5) -> float:
+    """What a 1X of 200 µm puts into 2X over some revolutions, for the integral of sin θ cos 2θ,
+    µm.
+    """
+    return 2 / (2 * math.pi * revolutions) * 200 * cosine
+
+
 def permitted(name: str, speed: float) -> float:
     """Unbalance that G 6.3 permits the body of this name at a speed, rad/s; kg m, Eq. (12.5)."""
     return 6.3e-3 / speed * unit().body(name).mass
@@ -68,11 +75,11 @@ def other(fault: str) -> Mistake:
 
 
 EXERCISES = {
-    "12.1": Exercise(lambda: 2 * math.sqrt(2) * 71, see="Eq. (12.2)", unit="µm", mistakes=(
+    "12.1": Exercise(lambda: 2 * math.sqrt(2) * 83, see="Eq. (12.2)", unit="µm", mistakes=(
         Mistake(lambda right: right / 2, "This is 0-to-peak."),
         Mistake(lambda right: right / math.sqrt(2), "This takes the rms value for the amplitude."),
         Mistake(lambda right: right / 4, "This divides by the root of two where it must multiply."),
-        Mistake(lambda right: 71.0, "This is still the rms value."),
+        Mistake(lambda right: 83.0, "This is still the rms value."),
     )),
     "12.2": Exercise(lambda: permitted("turbine", rpm(150)), see="Eq. (12.5)", mistakes=(
         Mistake(lambda right: permitted("turbine", 150), "The speed must be in rad/s, not in rpm."),
@@ -83,8 +90,12 @@ EXERCISES = {
         Mistake(lambda right: 6.3e-3 / rpm(150) ** 2 * unit().body("turbine").mass,
                 "The grade is e Ω, not e Ω²."),
     )),
-    "12.3": Exercise(lambda: reaches(border(1)), see="Limits, and how sure they are", unit="%",
-                     rtol=0.002, mistakes=(
+    "12.3": Exercise(lambda: reaches(border(1)), see="Limits, and how sure they are",
+                     unit="% of the gap", rtol=0.002, mistakes=(
+        Mistake(lambda right: reaches(border(1) / 2), "S is peak-to-peak, not 0-to-peak.",
+                see="Eq. (12.4)"),
+        Mistake(lambda right: reaches(border(1) / math.sqrt(2)), "S is peak-to-peak, not an rms "
+                "value.", see="Eq. (12.4)"),
         Mistake(lambda right: reaches(border(0)), "This is where zone A ends."),
         Mistake(lambda right: reaches(border(1, rpm(150))),
                 "The curve takes the speed in rpm, not in rad/s.", see="Eq. (12.4)"),
@@ -92,10 +103,24 @@ EXERCISES = {
                 "The curve takes the speed in rpm, not in revolutions per second.",
                 see="Eq. (12.4)"),
     )),
-    "12.4": Exercise(lambda: condition_of(7)[0], see="Four faults", choices=FAULTS,
+    "12.4": Exercise(lambda: leaked(2 / 3), see="Eq. (12.1)", unit="µm", mistakes=(
+        Mistake(lambda right: 0.0, "So it would be over whole revolutions; this record has half of "
+                "one too many."),
+        Mistake(lambda right: leaked(1 / 3), "One of the two sines in the product was lost."),
+        Mistake(lambda right: leaked(2 / 3, 1), "The integral is divided by the whole record."),
+        Mistake(lambda right: leaked(2 / 3, 9), "Nine half revolutions are nine times π, not 2π."),
+        Mistake(lambda right: leaked(2.0), "This is what the half revolution leaves as a mean; "
+                "2X has a cosine of 2θ beside it."),
+        Mistake(lambda right: 200 / 4.5, "The share of one revolution is not what leaks."),
+    )),
+    "12.5": Exercise(lambda: condition_of(7)[0], see="Four faults", choices=FAULTS,
                      mistakes=tuple(other(fault) for fault in FAULTS
                                     if fault != condition_of(7)[0])),
-    "12.5": Exercise(lambda: {"number": 2026, "fault": condition_of(2026)[0],
+    "12.6": Exercise(lambda: {"number": 2026, "fault": condition_of(2026)[0],
                               "evidence": "which numbers speak for it"},
-                     see="Four faults", reply=own_machine),
+                     see="Four faults", reply=own_machine, rubric=(
+        (1, "the fault, with the number that speaks for it"),
+        (2, "for each of the other three one number that rules it out"),
+        (1, "what the record cannot tell"),
+    )),
 }

@@ -6,7 +6,9 @@ off-centre rotor. For p = 1 a part of the pull as large as half the mean turns w
 nothing is left of it. The published forces expand the permeance to its third order; the whole force
 has a closed form, checked here by quadrature. The rotor is a point mass on springs, integrated by
 Newmark's method as in the paper, with f = 1.25 times the rotation so that the lines of the field
-lie between those of the rotation.
+lie between those of the rotation. For p = 1 the shaft is taken to let the net flux pass that the
+wave leaves over in an uneven gap; with that path blocked the pull is half as stiff and does not
+beat. For p ≥ 2 the net flux is too small to matter.
 """
 
 import math

@@ -7,6 +7,11 @@ field: the algebra of a shaft that is stiffer across one axis. There a point mas
 of instability, between the frequencies at which one of the two axes has no stiffness left.
 Floquet's multipliers know nothing of that frame. Phases out of balance add a wave that turns
 backward.
+
+Assumed throughout: the shaft lets the net flux pass that a wave of one pole pair leaves over in an
+uneven gap. That is one end of what can be. At the other the path through shaft, bearings and frame
+is blocked: then the pull is half as stiff, does not turn, and there is no band at all. Real
+machines lie between.
 """
 
 import math
