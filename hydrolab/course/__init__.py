@@ -10,7 +10,13 @@ the static book.
 
 from hydrolab.course import records
 from hydrolab.course.checks import check
-from hydrolab.course.illustrations import conventions_picture, counts, gap_picture, sources_picture
+from hydrolab.course.illustrations import (
+    conventions_picture,
+    counts,
+    gap_picture,
+    section_picture,
+    sources_picture,
+)
 from hydrolab.course.predictions import answer, predict, recall
 from hydrolab.course.records import (
     Condition,
@@ -23,6 +29,6 @@ from hydrolab.course.records import (
 
 __all__ = [
     "Condition", "answer", "check", "conventions_picture", "counts", "diagnose", "evidence",
-    "gap_picture", "healthy", "predict", "recall", "recording", "records", "sources_picture",
-    "unknown_machine",
+    "gap_picture", "healthy", "predict", "recall", "recording", "records", "section_picture",
+    "sources_picture", "unknown_machine",
 ]

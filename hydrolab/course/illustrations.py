@@ -100,6 +100,95 @@ def _draw_side(axes: Axes, machine: Machine) -> None:
              ylabel="depth y, m", title="From the side (the runner's size is a guess)")
 
 
+@house_style()
+def section_picture(machine: Machine) -> Picture:
+    """A section through the machine from its card, to scale but for the air gap: what each part is
+    called, what it does and how large it is. Outlines without a number on the card are guesses.
+    """
+    figure = new_figure(12, 8)
+    axes = figure.subplots()
+    shaft, half = machine.shaft, float(machine.shaft.diameter.max()) / 2
+    words: list[tuple[float, float, str]] = [(half, shaft.length * 0.55, f"**shaft** carries the "
+        f"torque: {shaft.length:.2f} m of steel, {2e3 * half:.0f} mm thick")]  # x, y, what it is
+    _box(axes, -half, 0, 2 * half, shaft.length, "axis", 0.6)
+    for body in machine.bodies:
+        y = float(shaft.nodes[body.node]) + body.offset
+        turns = machine.air_gap is not None and body.name == machine.air_gap.body
+        draw = _draw_generator if turns else _draw_runner
+        words += draw(axes, machine, y, f"{body.mass / 1e3:.0f} t")
+    for bearing in machine.all_bearings:
+        y = float(shaft.nodes[bearing.node])
+        wide = 2.2 * half if "thrust" in bearing.name else half
+        for side in (-1, 1):
+            _box(axes, side * (wide + 0.25) - 0.25, y - 0.15, 0.5, 0.3, "bearing")
+        if wide > half:
+            _box(axes, -wide, y - 0.22, 2 * wide, 0.12, "axis", 0.9)  # the collar
+        words.append((wide + 0.5, y, f"**{bearing.name}** " + (
+            "carries the weight on a film of oil" if wide > half else
+            "keeps the shaft in the middle") + _stiffness(bearing)))
+    _name_parts(axes, sorted(words, key=lambda word: word[1]))
+    read = "; ".join(word.replace("**", "") for _, _, word in sorted(words, key=lambda w: w[1]))
+    return Picture(figure, f"Section through {machine.name}, from the top down: {read}.")
+
+
+def _stiffness(bearing: Any) -> str:
+    stiffness = getattr(bearing, "stiffness", None)
+    value = 0.0 if stiffness is None else float(np.max(stiffness))
+    return f", {value / 1e9:.2f} MN a millimetre" if value else ""
+
+
+def _draw_generator(axes: Axes, machine: Machine, y: float, mass: str) -> list:
+    """Rotor with hub, arms, rim and poles; stator core in its frame."""
+    air = machine.air_gap
+    radius, tall = air.mean_radius - air.gap / 2, air.length
+    _box(axes, -0.16 * radius, y - 0.6 * tall, 0.32 * radius, max(1.2 * tall, 0.6 * tall - y),
+         "rotor", 0.9)  # the hub, down to the shaft top
+    for side in (-1, 1):
+        _box(axes, min(0, side * 0.75 * radius), y - tall / 6, 0.75 * radius, tall / 3, "rotor",
+             0.45)
+        _box(axes, side * 0.81 * radius - 0.07 * radius, y - tall / 2, 0.14 * radius, tall, "rotor")
+        _box(axes, side * 0.94 * radius - 0.06 * radius, y - tall / 2, 0.12 * radius, tall, "1X")
+        _box(axes, side * 1.12 * radius - 0.1 * radius, y - tall / 2, 0.2 * radius, tall, "stator")
+        _box(axes, side * 1.27 * radius - 0.05 * radius, y - 0.8 * tall, 0.1 * radius, 1.6 * tall,
+             "axis", 0.35)
+    return [(0.86 * radius, y - tall / 2, f"**generator rotor** {mass}, ⌀ {2 * radius:.2f} m: hub, "
+             "arms, rim, and poles with coils"),
+            (1.1 * radius, y, "**stator** takes the current: bore ⌀ "
+             f"{2 * (radius + air.gap):.2f} m, {tall:.2f} m high"),
+            (1.005 * radius, y + tall / 2, f"**air gap** {1e3 * air.gap:.0f} mm all around, a "
+             f"{2 * radius / air.gap:.0f}th of the rotor; too thin to be seen here")]
+
+
+def _draw_runner(axes: Axes, machine: Machine, y: float, mass: str) -> list:
+    """A hub with blades, in its throat."""
+    wide, tall = RUNNER
+    axes.fill([-0.55, 0.55, 0.35, -0.35], [y - tall, y - tall, y + 1.1, y + 1.1],
+              color=COLOURS["rotor"], linewidth=0)
+    for side in (-1, 1):
+        axes.fill(side * np.array([0.5, wide, wide, 0.5]), y + np.array([-0.05, -0.4, -0.1, 0.25]),
+                  color=COLOURS["rotor"], alpha=0.6, linewidth=0)
+        axes.plot(side * np.array([1.2, 1.08, 1.15]) * wide, y + np.array([-1.2, 0.0, 1.2]),
+                  color=COLOURS["axis"], linewidth=3, alpha=0.5)
+    return [(wide, y - 0.25, f"**turbine runner** {mass}: its blades turn to follow the water "
+             "(size guessed)")]
+
+
+def _name_parts(axes: Axes, words: list[tuple[float, float, str]]) -> None:
+    """Write what each part is beside the drawing, at even heights, with a line to it."""
+    low, high = words[0][1] - 0.9, words[-1][1] + 0.6
+    for place, (x, y, text) in zip(np.linspace(low, high, len(words)), words, strict=True):
+        name, said = text.removeprefix("**").split("**")
+        axes.plot([x, 4.3], [y, place], color=COLOURS["axis"], linewidth=0.8)
+        axes.annotate(name, (4.4, place), va="bottom", fontsize=13, weight="bold")
+        axes.annotate(textwrap.fill(said.lstrip(" ,:"), 46), (4.4, place + 0.08), va="top",
+                      fontsize=11)
+    axes.set(xlim=(-4.4, 9.4), ylim=(high + 1.2, low - 0.6), aspect="equal", ylabel="depth y, m")
+    axes.set_xticks([-3, 0, 3])
+    axes.grid(False)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+
+
 def _draw_above(axes: Axes) -> None:
     axes.plot(1.25 * np.sin(TURN), 1.25 * np.cos(TURN), color=COLOURS["stator"], linewidth=6)
     axes.fill(np.sin(TURN), np.cos(TURN), color=COLOURS["rotor"], alpha=0.25, linewidth=0)

@@ -15,7 +15,7 @@ BOOK = Path(__file__).resolve().parents[2] / "book"
 NOTEBOOKS = {int(path.name[:2]): notebooks.without_pixels(notebooks.read(path))
              for path in sorted(BOOK.glob("[0-9]*.ipynb"))}
 NUMBER = re.compile(r"(?<![\w.])[-−+]?(\d+(?:[.,]\d+)*)(?:e([-+]?\d+))?")
-TOLD = {"6.1", "8.1", "9.1", "9.2", "12.1"}
+TOLD = set()
 CLOSED = {number: asked for of_chapter in exercises.chapters().values()
           for number, asked in of_chapter.items() if asked.reply is None}
 
