@@ -100,7 +100,7 @@ def test_what_is_tried_works(copy, title):
     assert path is None and [kind for kind, _ in blocks] == ["python"]
     said = run(copy, "-W", "error", "-c", blocks[0][1])
     if title == "An exercise":
-        assert said.splitlines()[0] == "1.5: right."
+        assert said.splitlines()[0] == "1.7: right."
         assert "below the resonance" in said.splitlines()[1]
 
 

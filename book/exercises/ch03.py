@@ -88,8 +88,8 @@ EXERCISES = {
     "3.4": Exercise(lambda: 48, see="Pole pairs, and what 2f means", rtol=1e-3, mistakes=(
         Mistake(lambda right: 8, "This is where it appears. With 20 samples in a revolution other "
                 "multiples look the same."),
-        Mistake(lambda right: 12, "That is the mirror image; which of them is 2f of the grid?"),
-        Mistake(lambda right: 28, "That looks like 8X too. Which of them is 2f of the grid?"),
+        Mistake(lambda right: 12, "That is the mirror image; ask which of them is 2f of the grid."),
+        Mistake(lambda right: 28, "That looks like 8X too. Ask which of them is 2f of the grid."),
         Mistake(lambda right: 24, "2f is twice the grid's frequency."),
         Mistake(lambda right: 120, "This is in Hz; a multiple of the speed is asked for."),
         Mistake(lambda right: 40, "Forty is twice the sampling; the line lies eight above it."),

@@ -124,7 +124,7 @@ EXERCISES = {
     "6.4": Exercise(lambda: frequency(256, 4) / (2 * math.pi), see="Shear", unit="Hz", rtol=1e-4,
                     mistakes=(
         Mistake(lambda right: extrapolated(4), "This takes away a fifteenth of the last step, as "
-                "for the fourth order. Is this beam's error of that order?"),
+                "for the fourth order. Ask whether this beam's error is of that order."),
         Mistake(lambda right: frequency(32, 4) / (2 * math.pi),
                 "This is the mesh of 32; extrapolate what is left of its error."),
         Mistake(lambda right: extrapolated(1), "This takes the error for one of first order."),

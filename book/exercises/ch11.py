@@ -104,8 +104,8 @@ EXERCISES = {
                 "one less."),
         Mistake(lambda right: [-4, 2], "Look at the sense again: forward if the stator's order is "
                 "one less."),
-        Mistake(lambda right: [2, 4], "Not both go with the spin: which orders are below the "
-                "stator's?"),
+        Mistake(lambda right: [2, 4], "Not both go with the spin: look which orders "
+                "are below the stator's."),
         Mistake(lambda right: [-4, -2], "Not both go against the spin."),
         Mistake(lambda right: [-3, 3], "The turns are counted by the shape that turns."),
         Mistake(lambda right: [-1, 1], "The orders differ by one; how often the force turns is the "

@@ -108,7 +108,6 @@ EXERCISES = {
                 "one too many."),
         Mistake(lambda right: leaked(1 / 3), "One of the two sines in the product was lost."),
         Mistake(lambda right: leaked(2 / 3, 1), "The integral is divided by the whole record."),
-        Mistake(lambda right: leaked(2 / 3, 9), "Nine half revolutions are nine times π, not 2π."),
         Mistake(lambda right: leaked(2.0), "This is what the half revolution leaves as a mean; "
                 "2X has a cosine of 2θ beside it."),
         Mistake(lambda right: 200 / 4.5, "The share of one revolution is not what leaks."),

@@ -43,6 +43,10 @@ def test_a_number_outside_the_tolerance_is_wrong(number):
     asked = REGISTERED[number]
     right = asked.right()
     assert asked.rtol <= 0.03, "a check must tell mistakes apart"
+    if asked.within is not None:
+        assert asked.within[0] <= right <= asked.within[1]
+        assert judge(asked, 1.01 * asked.within[1]).found != "right"
+        return
     for step in (-1.5, 1.5):
         assert judge(asked, right + step * (asked.atol + asked.rtol * abs(right)) + step
                      * 1e-9).found != "right"
