@@ -97,10 +97,14 @@ class Legs:
         """
         if not (0 <= leg < len(self.all) and self.all[leg].holds(eccentricity)):
             return None
-        passing = [i for i, other in enumerate(self.all) if other.holds(eccentricity)]
+        place = sum(other.holds(eccentricity) for other in self.all[:leg])
         found = orbits_at(self.branch, eccentricity)
-        place = passing.index(leg)
         return found[place] if place < len(found) else None
+
+    def orbits(self, eccentricity: float) -> list[PeriodicOrbit]:
+        """The steady states of all legs that pass an eccentricity, in their order."""
+        return orbits_at(self.branch, eccentricity)[:sum(leg.holds(eccentricity)
+                                                         for leg in self.all)]
 
     def verdict(self, orbit: PeriodicOrbit, leg: int) -> str:
         """The verdict on the nearest point of a leg to an orbit of it."""

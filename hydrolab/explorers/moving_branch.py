@@ -12,7 +12,6 @@ from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from hydrolab.dynamics.branches import orbits_at
 from hydrolab.dynamics.following import update_branch
 from hydrolab.dynamics.harmonics import synthesise
 from hydrolab.dynamics.results import PeriodicOrbit, clearances
@@ -160,13 +159,13 @@ class BranchView(View):
         changed.
         """
         if ratios == self._ratios:
-            orbits = orbits_at(self.legs.branch, eccentricity)[:SEVERAL]
+            orbits = self.legs.orbits(eccentricity)[:SEVERAL]
             return orbits, [f.verdict for f in floquet_all(orbits, quick=True)]
         changes = {self.numbers[name][0]: ratio * self.numbers[name][1]
                    for name, ratio in ratios.items()}
         branch = update_branch(self.legs.branch, vary(self.machine, changes).model(),
                                self.machine.speed)
-        orbits = orbits_at(branch, eccentricity)[:SEVERAL]
+        orbits = Legs(branch, ()).orbits(eccentricity)[:SEVERAL]
         points = floquet_all([*branch, *orbits], quick=True)  # all in one batch
         self.legs, self._ratios = Legs(branch, points[:len(branch)]), ratios
         return orbits, [point.verdict for point in points[len(branch):]]
