@@ -20,7 +20,7 @@ BOOK = Path(__file__).parent
 
 project = "hydrolab"
 author = "the hydrolab authors"
-copyright = "2026, the hydrolab authors; MIT licence"
+copyright = "2026, the hydrolab authors; text and figures CC BY 4.0, code MIT"
 version = release = hydrolab.__version__
 language = "en"
 

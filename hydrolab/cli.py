@@ -228,6 +228,15 @@ def live_book(folder: Path, options: argparse.Namespace) -> int:
     return 0
 
 
+def grade(options: argparse.Namespace) -> int:
+    """Say what a class has handed in: student by exercise, sums, and mistakes by how often they
+    were made; write it as grades.csv too. Nothing of theirs is executed."""
+    from hydrolab.course.grade import report
+
+    print(report(options.folder))
+    return 0
+
+
 def show(options: argparse.Namespace) -> int:
     """Show a machine in 3D in the browser, on this computer alone. With --room everyone in the
     network can watch, and who gives the PIN can change things."""
@@ -296,6 +305,12 @@ def add_study(command: argparse.ArgumentParser) -> None:
     add("--no-figures", action="store_true", help="compute and report, draw nothing")
 
 
+def add_grade(command: argparse.ArgumentParser) -> None:
+    """Add the options of `hydrolab grade` to its part of the command line."""
+    command.add_argument("folder", type=Path, metavar="FOLDER", help="folder with the returned "
+                         "notebooks: a folder or a notebook for each student")
+
+
 def add_show(command: argparse.ArgumentParser) -> None:
     """Add the options of `hydrolab show` to its part of the command line."""
     add = command.add_argument
@@ -332,6 +347,7 @@ def parser() -> argparse.ArgumentParser:
     for run, add, words in ((lab, add_lab, "open the course in JupyterLab"),
                             (book, add_book, "build the static book, or refresh the chapters"),
                             (study, add_study, "repeat the paper's study"),
+                            (grade, add_grade, "mark what a class has handed in"),
                             (show, add_show, "open the machine in 3D")):
         command = commands.add_parser(run.__name__, help=words, description=run.__doc__)
         add(command)

@@ -119,7 +119,7 @@ EXERCISES = {
                      unit="% of the gap", rtol=0.004, mistakes=(
         Mistake(lambda right: way_back()[0],
                 "Here the large orbit loses its stability. What takes over, and how far does that "
-                "reach?"),
+                "reach? Follow it."),
         Mistake(lambda right: 100 * branch(0.8).folds[0].value,
                 "This is the fold of the small orbit, where one goes up."),
         Mistake(lambda right: way_back(1.0)[1], "This is with all of the unbalance."),
