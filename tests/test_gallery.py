@@ -25,6 +25,7 @@ FOUND = {
     "rigid_rotor": (r"stands up to ([\d.]+)", 12.3, 0.1),
     "shapes": (r"with ([\d.]+) kN", 0.272, 0.005),  # 3/2 k g0 of 1 % times 1 %
     "tangential_pull": (r"by the formula and ([\d.]+)", 2.0401, 1e-4),  # c ω/k_r
+    "three_units": (r"magnetic pull, and ([\d.]+) %", 3.2, 0.05),  # from the modes at each speed
     "two_pole_instability": (r"([\d.]+) rpm by Floquet", 2405.124, 1e-3),  # the turning frame
     "which_fault": (r"([\d.]+) µm with loose pads", 90.2, 0.5),
 }

@@ -96,10 +96,11 @@ class ElementsView(View):
 
 
 def _uniform(shaft: Shaft, count: int) -> Shaft:
-    """A shaft's length in equal Timoshenko elements of its mean diameters."""
+    """A shaft's length in equal Timoshenko elements of its mean diameters and material."""
+    mean = {name: float(np.mean(getattr(shaft, name)))
+            for name in ("diameter", "inner_diameter", "young", "density", "poisson")}
     return replace(shaft, nodes=np.linspace(0, shaft.length, count + 1), element="timoshenko",
-                   diameter=float(np.mean(shaft.diameter)),
-                   inner_diameter=float(np.mean(shaft.inner_diameter)))
+                   lower_diameter=0.0, **mean)
 
 
 def elements_explorer(machine: Machine | None = None) -> FigureExplorer:

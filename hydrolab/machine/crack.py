@@ -125,8 +125,8 @@ class Crack(Part):
     def law(self, shaft: Shaft) -> BreathingCrack:
         """The crack's law in its element of a solid shaft."""
         i = self.element
-        flexibility = crack_flexibility(self.depth, shaft.young, shaft.poisson,
-                                        float(shaft.diameter[i]) / 2)
-        loss = stiffness_loss(float(shaft.young * shaft.second_moment[i]),
+        young, _, poisson = shaft.material(i)
+        flexibility = crack_flexibility(self.depth, young, poisson, float(shaft.diameter[i]) / 2)
+        loss = stiffness_loss(float(young * shaft.second_moment[i]),
                               float(np.diff(shaft.nodes)[i]), flexibility)
         return BreathingCrack(loss, self.phase, self.rounding_angle, self.breathing == "hinge")

@@ -22,6 +22,7 @@ from functools import cache
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
@@ -177,3 +178,62 @@ def shaft_element(element: str, length: float, young: float, density: float, are
     phi = 12 * young * second_moment / (shear_coefficient * shear_modulus * area * length**2)
     M, G, K = ELEMENTS[element](length, phi, young, density, area, second_moment)
     return M, G, K
+
+
+POINTS = 12  # of the quadrature along a tapered element: a cone of 1 : 4 is exact to 1e-10
+
+
+def tapered_element(element: str, length: float, young: float, density: float, diameter: NDArray,
+                    bore: NDArray, poisson: float,
+                    shear_coefficient: float) -> tuple[NDArray, NDArray, NDArray]:
+    """M, G and K, each (8, 8), of an element whose diameter and bore, m, both (2,) at its ends,
+    change along straight lines; the rest as `shaft_element` takes it.
+
+    K is the inverse of the flexibility of the element held at its upper end, so it is exact within
+    Timoshenko's theory for loads at the ends. The motion between them is that of such loads, which
+    makes M and G consistent; a uniform element is that of `shaft_element`.
+
+    Raises BadInput as `shaft_element` does.
+    """
+    check_element(element)
+    s, weight = (part * length / 2 for part in np.polynomial.legendre.leggauss(POINTS))
+    s, share = s + length / 2, (s + length / 2) / length
+    outer, inner = (ends[0] + (ends[1] - ends[0]) * share for ends in (diameter, bore))
+    area, second = np.pi / 4 * (outer**2 - inner**2), np.pi / 64 * (outer**4 - inner**4)
+    bend = 1 / (young * second)
+    shear = 2 * (1 + poisson) / (shear_coefficient * young * area)
+    arm = length - s
+
+    def flexibility(shear: NDArray) -> NDArray:
+        return np.array([[weight @ (arm * arm * bend + shear), weight @ (arm * bend)],
+                         [weight @ (arm * bend), weight @ bend]])
+
+    # what is left of the lower end's (w, θ) after the rigid motion of the upper end
+    strained = np.array([[-1, -length, 1, 0], [0, -1, 0, 1]])
+    plane_K = strained.T @ np.linalg.solve(flexibility(shear), strained)
+    moving = shear if element == "timoshenko" else 0 * shear
+    push, moment = np.linalg.solve(flexibility(moving), strained)
+    # from the upper end: θ = θ₁ + ∫ (F (L − s) + M)/EI, w = w₁ + ∫ (θ + F/κGA)
+    up = integrals(length)
+    lean = np.outer(up @ (arm * bend), push) + np.outer(up @ bend, moment) + [0, 1, 0, 0]
+    away = up @ (lean + np.outer(moving, push)) + [1, 0, 0, 0]
+    # the planes (z, θx) and (x, −θz)
+    in_z, in_x = np.zeros((4, 8)), np.zeros((4, 8))
+    in_z[range(4), [1, 2, 5, 6]] = 1
+    in_x[range(4), [0, 3, 4, 7]] = [1, -1, 1, -1]
+    mass = (away.T * (weight * density * area)) @ away
+    inertia = (lean.T * (weight * density * second)) @ lean
+    M, K = (sum(p.T @ part @ p for p in (in_z, in_x)) for part in (mass + inertia, plane_K))
+    turn = -2 * in_x.T @ inertia @ in_z  # 2 ρ I θz θx, with θz = −(its part in the plane of x)
+    return M, turn - turn.T, K
+
+
+def integrals(length: float) -> NDArray:
+    """The matrix that takes values at the quadrature's points along an element to their integrals
+    from its upper end up to each point.
+    """
+    legendre = np.polynomial.legendre
+    points, _ = legendre.leggauss(POINTS)
+    values = np.linalg.inv(legendre.legvander(points, POINTS - 1))
+    grown = legendre.legint(np.eye(POINTS), lbnd=-1, axis=0)
+    return length / 2 * legendre.legval(points, grown @ values).T

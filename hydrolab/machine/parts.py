@@ -31,7 +31,7 @@ from hydrolab.machine.bearings import (
     ThrustBearing,
 )
 from hydrolab.machine.crack import Crack
-from hydrolab.machine.elements import shaft_element
+from hydrolab.machine.elements import shaft_element, tapered_element
 from hydrolab.machine.gap_shape import GapShape
 from hydrolab.machine.loads import Bow, Gravity, Load
 from hydrolab.machine.model import assemble
@@ -70,6 +70,8 @@ BEYOND_GAP = 2  # radius of gyration of the generator, over the radius of its ai
 HEAVY = 5  # eccentricity of the generator's mass over the gap; real ones are below a tenth
 LONG = 5  # thickness of a shaft, or distance of a body from it, over its length
 LOOSE = 0.1  # clearance of pads over the diameter of the shaft
+DIAMETERS = ("diameter", "inner_diameter", "lower_diameter")  # of a shaft
+PER_ELEMENT = (*DIAMETERS, "young", "density", "poisson")
 WIDE = 5  # radius of a journal over the diameter of the shaft
 
 
@@ -119,10 +121,12 @@ class Shaft(Part):
                                         example=([0, 1, 5, 9], "m"))
     diameter: NDArray | Any = number_field("m", "diameter, one number or one an element",
                                            form=per_element, above=0, example=(710, "mm"))
-    young: float = number_field("Pa", "Young's modulus", above=0, example=(200, "GPa"))
-    density: float = number_field("kg/m^3", "density", least=0, example=7850)
-    poisson: float = number_field("1", "Poisson's ratio", above=-1, below=0.5, default=0.3,
-                                  stated=True, example=0.3)
+    young: float | Any = number_field("Pa", "Young's modulus, one number or one an element",
+                                      form=per_element, above=0, example=(200, "GPa"))
+    density: float | Any = number_field("kg/m^3", "density, likewise", form=per_element, least=0,
+                                        example=7850)
+    poisson: float | Any = number_field("1", "Poisson's ratio, likewise", form=per_element,
+                                        above=-1, below=0.5, default=0.3, stated=True, example=0.3)
     shear_coefficient: float = number_field("1", "share κ of the section that carries shear, which "
                                             "multiplies G A", above=0, most=1, default=0.9,
                                             stated=True, example=0.9)
@@ -131,10 +135,14 @@ class Shaft(Part):
     inner_diameter: NDArray | Any = number_field("m", "diameter of the bore, one number or one an "
                                                  "element", form=per_element, least=0, default=0.0,
                                                  example=(200, "mm"))
+    lower_diameter: NDArray | Any = number_field(
+        "m", "diameter at the lower end of a tapered element, one number or one an element; 0 "
+        "stands for `diameter`, which is then that of the upper end", form=per_element, least=0,
+        default=0.0, example=(700, "mm"))
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("diameter", "inner_diameter"):
+        for name in DIAMETERS:
             each = np.full(len(self.nodes) - 1, getattr(self, name))
             object.__setattr__(self, name, frozen(each))
 
@@ -150,17 +158,20 @@ class Shaft(Part):
             at = int(np.argmin(np.diff(nodes)))
             yield "nodes", (f"goes from {nodes[at]:g} m to {nodes[at + 1]:g} m; the depths must "
                             "ascend.")
-        wrong = [(name, np.size(d)) for name in ("diameter", "inner_diameter")
+        wrong = [(name, np.size(d)) for name in PER_ELEMENT
                  if np.ndim(d := getattr(self, name)) and np.size(d) != elements]
         for name, given in wrong:
             yield name, f"has {given} entries; give one number or one per element, {elements}."
         if wrong:
             return
         inner, outer = (np.full(elements, d) for d in (self.inner_diameter, self.diameter))
-        if (inner >= outer).any():
-            at = int(np.argmax(inner >= outer))
-            yield "inner_diameter", (f"is {inner[at]:g} m; it must be smaller than shaft.diameter, "
-                                     f"{outer[at]:g} m.")
+        lower = np.where(self.lower_diameter, self.lower_diameter, outer)
+        for name, whole in (("diameter", outer), ("lower_diameter", lower)):
+            if (inner >= whole).any():
+                at = int(np.argmax(inner >= whole))
+                yield "inner_diameter", (f"is {inner[at]:g} m; it must be smaller than "
+                                         f"shaft.{name}, {whole[at]:g} m.")
+                return
 
     @property
     def length(self) -> float:
@@ -169,22 +180,35 @@ class Shaft(Part):
 
     def thickness(self, node: int) -> float:
         """Diameter at a node, the larger of its two elements, m."""
-        return float(self.diameter[max(node - 1, 0):node + 1].max())
+        lower = np.where(self.lower_diameter, self.lower_diameter, self.diameter)
+        return float(max([*lower[max(node - 1, 0):node], *self.diameter[node:node + 1]]))
 
     def element_matrices(self, i: int) -> tuple[NDArray, NDArray, NDArray]:
         """M, G and K of an element, each (8, 8); see `elements.shaft_element`."""
-        return shaft_element(self.element, self.nodes[i + 1] - self.nodes[i], self.young,
-                             self.density, self.area[i], self.second_moment[i], self.poisson,
-                             self.shear_coefficient)
+        young, density, poisson = self.material(i)
+        length = float(self.nodes[i + 1] - self.nodes[i])
+        if self.lower_diameter[i]:
+            return tapered_element(self.element, length, young, density,
+                                   np.array([self.diameter[i], self.lower_diameter[i]]),
+                                   np.full(2, self.inner_diameter[i]), poisson,
+                                   self.shear_coefficient)
+        return shaft_element(self.element, length, young, density, self.area[i],
+                             self.second_moment[i], poisson, self.shear_coefficient)
+
+    def material(self, i: int) -> tuple[float, float, float]:
+        """Young's modulus, Pa, density, kg/m³, and Poisson's ratio of an element."""
+        young, density, poisson = (float(np.broadcast_to(part, len(self.nodes) - 1)[i])
+                                   for part in (self.young, self.density, self.poisson))
+        return young, density, poisson
 
     @property
     def area(self) -> NDArray:
-        """Section area of each element, m²."""
+        """Section area of each element, at its upper end, m²."""
         return np.pi / 4 * (self.diameter**2 - self.inner_diameter**2)
 
     @property
     def second_moment(self) -> NDArray:
-        """Second moment of area of each element, m⁴."""
+        """Second moment of area of each element, at its upper end, m⁴."""
         return np.pi / 64 * (self.diameter**4 - self.inner_diameter**4)
 
 
@@ -333,6 +357,9 @@ class Machine(Part):
             if crack.element >= self.nodes - 1:
                 yield f"{crack.key}.element", (f"is {crack.element}; the shaft's elements are 0 to "
                                                f"{self.nodes - 2}.")
+            elif shaft.lower_diameter[crack.element]:
+                yield f"{crack.key}.element", (f"is {crack.element}, which is tapered; the crack's "
+                                               "flexibility is that of a uniform shaft.")
             elif shaft.inner_diameter[crack.element]:
                 yield f"{crack.key}.element", (f"is {crack.element}, which is hollow; the crack's "
                                                "flexibility is that of a solid shaft.")

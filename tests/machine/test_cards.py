@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import hydrolab.machine.cards as module
 from hydrolab.errors import BadInput
-from hydrolab.machine.bearings import BEARINGS
+from hydrolab.machine.bearings import BEARINGS, Guide
 from hydrolab.machine.cards import (
     ALONE,
     SEVERAL,
@@ -28,7 +28,8 @@ from hydrolab.machine.cards import (
 from hydrolab.machine.parts import Machine
 from hydrolab.machine.quantities import UNITS, Entry, numbers_of
 
-SHIPPED = ["jeffcott", "kaplan-150rpm", "three-disc", "two-pole"]
+SHIPPED = ["francis-three-guides", "jeffcott", "kaplan-150rpm", "pelton-horizontal", "pump-turbine",
+           "three-disc", "two-pole"]
 CARDS = {name: read_card(name) for name in SHIPPED}
 UNIT = copy.deepcopy(CARDS["kaplan-150rpm"])  # with round numbers where the calibration has its own
 UNIT["bodies"][0] |= {key: {"value": value, "unit": unit, "source": "assumed"}
@@ -83,7 +84,9 @@ def test_shipped_cards_load_and_say_where_each_number_comes_from(name):
     assert machine.name == name and machine.title and machine.about
     stated = {key for key, value in machine.numbers().items() if np.any(value)}
     assert stated <= set(machine.provenance)
-    assert machine.model().size == (2 if machine.shaft is None else 4 * machine.nodes)
+    brackets = sum(b.has_bracket for b in machine.all_bearings if isinstance(b, Guide))
+    assert machine.model().size == 2 * brackets + (2 if machine.shaft is None
+                                                   else 4 * machine.nodes)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -261,7 +264,7 @@ def test_inertias_are_optional_only_without_a_shaft():
 @pytest.mark.parametrize("name", ["kaplan", "Kaplan-150RPM", "", None, 5, "../cards/jeffcott",
                                   "kaplan-family", "a\nb"])
 def test_an_unknown_name_lists_what_ships(name):
-    with pytest.raises(BadInput, match="jeffcott, kaplan-150rpm, three-disc") as caught:
+    with pytest.raises(BadInput, match=", ".join(SHIPPED)) as caught:
         load_machine(name)
     assert one_sentence(str(caught.value))
     with pytest.raises(BadInput):
