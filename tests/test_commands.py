@@ -1,6 +1,6 @@
 """Every command that the README and environment-notes.md show runs: each line of their fenced
-blocks is here, and none is here that they do not show. Lines that install are CI's (.ci/run) or a
-person's.
+blocks is here or with the tools of the work on the code (test_tools.py), and none is that they do
+not show. Lines that install are CI's (.ci/run) or a person's.
 """
 
 import os
@@ -13,13 +13,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.chromium import BROWSER
+from tests.test_tools import TOOLS, environment, ran
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = ("README.md", "environment-notes.md")
 BLOCK = re.compile(r"^```(sh|python)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 INSTALLS = re.compile(r"(pip install|uv pip) .*-c|uv pip compile")
-TO_THE_END = 240  # seconds
 
 # The command as shown: what a test adds to it so that it ends soon, and words of its answer.
 RUNS = {
@@ -29,25 +28,12 @@ RUNS = {
     "hydrolab show --run-sheet 15-minutes --record fallback.html": ([], "without a network"),
     "hydrolab show --eccentricity 8.8 --orbit 3 --record machine.html": ([], "without a network"),
     "hydrolab book --refresh 1": (["--check"], "passed"),
-    "pre-commit install": (["--help"], "install"),  # it would write into .git
-    "pytest -n 0 tests/machine -k pads": (["--collect-only", "-q"], "test_"),
-    "ruff check": ([], "All checks passed"),
-    "mypy": ([], "no issues found"),
-    "python -m tests.benchmarks.report": (["--quick"], "natural point"),
-    "python -m tests.benchmarks.slider_latency": (["3"], "ratio"),
-    "python -m tests.benchmarks.scene_load --minutes 30": (
-        ["--minutes", "0.05", "--viewers", "2", "--seconds", "6"], "soak of 0.05 minutes"),
-    "python -m tests.browser_chapters": (["--help"], "--site"),
-    "python -m tests.readme_images": (["eccentricity", "--folder", "made"],
-                                 "The eccentricity explorer."),
 }
 # Servers, stopped by Ctrl-C when they have said where they are.
 SERVERS = {
     "hydrolab show": ["--no-browser"],
     "hydrolab show --room --run-sheet 15-minutes": ["--no-browser", "--host", "127.0.0.1"],
 }
-MODULES = {"hydrolab": ["-m", "hydrolab.cli"], "pre-commit": ["-m", "pre_commit"], "python": [],
-           **{name: ["-m", name] for name in ("pytest", "ruff", "mypy")}}
 
 
 def shown() -> set[str]:
@@ -61,42 +47,24 @@ def shown() -> set[str]:
     return found
 
 
-def spelled(command: str, more: list[str]) -> list[str]:
-    """The command for this Python, wherever its scripts are."""
-    name, *rest = command.split()
-    return [sys.executable, *MODULES[name], *rest, *more]
-
-
-def environment() -> dict[str, str]:
-    own = {key: value for key, value in os.environ.items() if not key.startswith("PYTEST_XDIST")}
-    return own | {"PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1", "COLUMNS": "200"}
-
-
 def test_no_command_is_forgotten():
-    assert shown() == set(RUNS) | set(SERVERS)
+    assert shown() == set(RUNS) | set(TOOLS) | set(SERVERS)
 
 
 @pytest.mark.parametrize("command", RUNS)
 def test_a_command_runs(command, tmp_path):
     more, answer = RUNS[command]
-    if "slider_latency" in command and BROWSER is None:
-        pytest.skip("no Chromium or Chrome on this computer")
     card = (ROOT / "hydrolab" / "machine" / "cards" / "jeffcott.toml").read_text(encoding="utf-8")
     (tmp_path / "my-unit.toml").write_text(card, encoding="utf-8")
-    of_the_tree = command.split()[0] in ("pytest", "ruff", "mypy")
-    done = subprocess.run(spelled(command, more), cwd=ROOT if of_the_tree else tmp_path,
-                          env=environment(), capture_output=True, text=True, timeout=TO_THE_END,
-                          check=False)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    assert answer in done.stdout + done.stderr
+    assert answer in ran(command, more, tmp_path)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends a POSIX signal")
 @pytest.mark.parametrize("command", SERVERS)
 def test_a_server_answers_and_stops(command, tmp_path):
-    process = subprocess.Popen(spelled(command, SERVERS[command]), cwd=tmp_path, env=environment(),
-                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                               encoding="utf-8")
+    arguments = [sys.executable, "-m", "hydrolab.cli", *command.split()[1:], *SERVERS[command]]
+    process = subprocess.Popen(arguments, cwd=tmp_path, env=environment(), stdout=subprocess.PIPE,
+                               stderr=subprocess.STDOUT, text=True, encoding="utf-8")
     said = []
     try:
         for line in process.stdout:

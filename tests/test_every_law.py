@@ -42,7 +42,7 @@ from hydrolab.figures import (
     orbit_picture,
     study_pictures,
 )
-from hydrolab.figures.readings import first_along, microns, reading, vibration
+from hydrolab.figures.readings import first_along, microns, reading
 from hydrolab.figures.rotor import supports
 from hydrolab.paper.report import report
 from hydrolab.paper.study import PERCENTAGES, Study
@@ -169,7 +169,7 @@ def stability_and_time(case):
     assert floquet_all([case.orbit], quick=True)[0].verdict == "stable"
     times, path = case.motion.last(1)
     away = np.hypot(*(path - case.fine.positions(case.speed * times))).max()
-    assert away <= 0.02 * vibration(case.fine)
+    assert away <= 0.02 * case.fine.vibration
     assert "Over 2 revolutions" in reading(case.motion)
     found = modes(case.model, case.speed)
     assert f"{found.hertz[0]:.2f} Hz" in reading(found)

@@ -22,6 +22,7 @@ FOUND = {
     "guide_clearance": (r"2X is ([\d.]+)", 78, 1),
     "journal_film": (r"eccentricity of ([\d.]+)", 0.756, 0.001),  # Holmes 1960
     "loads_that_stand": (r"makes ([\d.]+) µm of 2X", 1.36, 0.01),  # DOP853 does too
+    "kaplan_family": (r"are ([\d.]+) µm off their file", 0, 2),
     "rigid_rotor": (r"stands up to ([\d.]+)", 12.3, 0.1),
     "shapes": (r"with ([\d.]+) kN", 0.272, 0.005),  # 3/2 k g0 of 1 % times 1 %
     "tangential_pull": (r"by the formula and ([\d.]+)", 2.0401, 1e-4),  # c ω/k_r

@@ -149,8 +149,3 @@ def self_crossings(positions: NDArray) -> int:
         s = (offset[:, 0] * d[j, 1] - offset[:, 1] * d[j, 0]) / cross
         t = (offset[:, 0] * d[i, 1] - offset[:, 1] * d[i, 0]) / cross
     return int(np.sum((s >= 0) & (s < 1) & (t >= 0) & (t < 1)))
-
-
-def largest_vibration(positions: NDArray, mean: NDArray) -> float:
-    """Largest distance of the orbit from its mean position, m; positions (2, n), mean (2,)."""
-    return float(np.hypot(*(positions - np.asarray(mean)[:, None])).max())

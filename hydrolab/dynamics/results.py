@@ -197,6 +197,20 @@ class PeriodicOrbit:
         """
         return amplitudes(self.coefficients)
 
+    @property
+    def vibration(self) -> float:
+        """Largest distance from the mean position, m."""
+        path = self.positions(self.revolutions * PERIOD)
+        return float(np.hypot(*(path - self.mean[:, None])).max())
+
+    @property
+    def second_share(self) -> float:
+        """2X over 1X, by the long half axes of their ellipses; 0 where there is no 1X or no 2X."""
+        first = self.revolutions
+        if self.harmonics < 2 * first or not (one := long_axis(self.coefficients, first)):
+            return 0.0
+        return float(long_axis(self.coefficients, 2 * first) / one)
+
     def coordinates(self, phase: ArrayLike) -> NDArray:
         """All c nonlinear coordinates at the phases Ωt (rad), shape (c, len(phase))."""
         return synthesise(self.local, np.asarray(phase) / self.revolutions)

@@ -13,7 +13,7 @@ from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.explorers.guide import guide_of, machine_with
 from hydrolab.explorers.widget import FigureExplorer, View, at_work, choice, slider
 from hydrolab.figures.drawing import MM, UM, about_mean, close_up
-from hydrolab.figures.readings import microns, second_share
+from hydrolab.figures.readings import microns
 from hydrolab.figures.style import COLOURS
 from hydrolab.machine import Machine, vary
 
@@ -64,7 +64,7 @@ class DiagnosisView(View):
         for bar, value in zip(self.bars, sizes, strict=True):
             bar.set_height(value)
         mean, major, minor, _ = sizes
-        second, before = (100 * second_share(o.coefficients) for o in (orbit, self.healthy))
+        second, before = (100 * o.second_share for o in (orbit, self.healthy))
         return (f"{cause.capitalize()}, {100 * size:.0f} % of its range: the mean is "
                 f"{microns(mean / UM)} ({mean / base[0]:.2f} times the healthy one), 1X is an "
                 f"ellipse of {microns(major / UM)} by {microns(minor / UM)} (0-to-peak; "

@@ -9,7 +9,7 @@ from hydrolab.dynamics.integrate import CentralDifference, Newmark, integrate
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.explorers.widget import FigureExplorer, View, at_work, choice, steps
 from hydrolab.figures.drawing import UM, about_mean, close_up
-from hydrolab.figures.readings import microns, vibration
+from hydrolab.figures.readings import microns
 from hydrolab.figures.style import COLOURS
 from hydrolab.machine import Machine, load_machine
 
@@ -32,7 +32,7 @@ class IntegratorView(View):
     def __init__(self, machine: Machine, eccentricity: float) -> None:
         self.model, self.speed = machine.model(), machine.speed
         self.orbit = HarmonicBalance(harmonics=16).solve(self.model, self.speed, eccentricity)
-        self.size = vibration(self.orbit)
+        self.size = self.orbit.vibration
         if not self.size:
             raise BadInput(f"{machine.name} does not vibrate here; an explorer of a method's error "
                            "needs an unbalance.")

@@ -38,9 +38,7 @@ from hydrolab.figures.readings import (
     listed,
     microns,
     percent,
-    second_share,
     stability_sentence,
-    vibration,
 )
 from hydrolab.figures.rotor import (
     ELEVATION,
@@ -94,7 +92,7 @@ def figure_3_reading(study: Study) -> str:
     """How far the two orbits are apart, and the smallest gap."""
     _, path, balance = validation(study)
     orbit = study.orbits[VALIDATION]
-    apart, size = float(np.hypot(*(balance - path)).max()), vibration(orbit)
+    apart, size = float(np.hypot(*(balance - path)).max()), orbit.vibration
     stopped = "" if study.check.finished else f" {study.check.stopped}"
     return (f"At {quoted(study, VALIDATION)} static eccentricity the orbits by harmonic balance "
             f"({orbit.harmonics} harmonics) and by direct integration (the last 3 of "
@@ -121,7 +119,7 @@ def figure_5_reading(study: SteadyStudy) -> str:
              for p in (0.0, 4.0, 8.0, 8.9)]
     last = (f"the first fold, at {percent(branch.folds[0].value, 4)}" if branch.folds else
             f"the end of the branch, at {percent(branch.static_eccentricity[-1], 4)}")
-    second = [100 * second_share(study.orbits[p].coefficients) for p in (4.0, 8.9)]
+    second = [100 * study.orbits[p].second_share for p in (4.0, 8.9)]
     return (f"Up to {last} static eccentricity: 1X in x (0-to-peak) is {listed(marks)}, "
             f"{end.amplitudes[0, 0] / start.amplitudes[0, 0]:.2f} times that at 0 %; the mean in x "
             f"is {microns(abs(end.mean[0]))} at {quoted(study, 8.9)}; 2X is {second[0]:.1f} % of "

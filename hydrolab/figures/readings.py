@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.dynamics.branches import Branch
-from hydrolab.dynamics.harmonics import PERIOD, ellipse, largest_vibration
 from hydrolab.dynamics.modes import Modes
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
 from hydrolab.dynamics.stability import Floquet
@@ -37,21 +36,6 @@ def listed(items: Iterable[str]) -> str:
     """ "a, b and c"."""
     *head, last = [*items] or ["none"]
     return f"{', '.join(head)} and {last}" if head else last
-
-
-def vibration(orbit: PeriodicOrbit) -> float:
-    """Largest distance of the orbit from its mean, m."""
-    return largest_vibration(orbit.positions(orbit.revolutions * PERIOD), orbit.mean)
-
-
-def second_share(coefficients: NDArray, first: int = 1) -> float:
-    """2X over 1X, by the long half axes of their ellipses; 0 where there is no 1X or no 2X.
-
-    coefficients: (2, 2m + 1). first: the harmonic that is 1X, the revolutions in a period.
-    """
-    if coefficients.shape[1] <= 4 * first or not (one := ellipse(coefficients, first).major):
-        return 0.0
-    return ellipse(coefficients, 2 * first).major / one
 
 
 def along(branch: Branch, coefficients: NDArray | None = None) -> NDArray:
@@ -101,15 +85,14 @@ def reading(result: object) -> str:
 @reading.register
 def orbit_reading(orbit: PeriodicOrbit) -> str:
     """Where the orbit is, how large each harmonic, and what is left of the gap."""
-    first = orbit.revolutions
-    x1, z1 = orbit.amplitudes[:, first - 1]
+    x1, z1 = orbit.amplitudes[:, orbit.revolutions - 1]
     gap = "there is no air gap" if not math.isfinite(orbit.model.gap) else (
         f"the smallest gap is {1e3 * orbit.smallest_gap:.3f} mm of {1e3 * orbit.model.gap:.3f} mm")
     return (f"At {percent(orbit.static_eccentricity)} static eccentricity and "
             f"{orbit.speed * 30 / math.pi:.4g} rpm the mean position of the rotor is "
             f"{microns(math.hypot(*orbit.mean))} from the bearing axis; 1X is {microns(x1)} in x "
             f"and {microns(z1)} in z (0-to-peak), 2X is "
-            f"{100 * second_share(orbit.coefficients, first):.1f} % of 1X; {gap}.")
+            f"{100 * orbit.second_share:.1f} % of 1X; {gap}.")
 
 
 def verdicts(branch: Branch, stability: Sequence[Floquet], reach: int = 3) -> list[str]:

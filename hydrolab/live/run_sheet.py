@@ -14,7 +14,6 @@ from typing import Any
 from hydrolab.dynamics.harmonics import ellipse
 from hydrolab.errors import BadInput
 from hydrolab.explorers.legs import Legs, legs_of
-from hydrolab.figures.readings import second_share
 from hydrolab.live.moving_orbit import FIELDS, UNBALANCES
 from hydrolab.machine.cards import load_machine, vary
 from hydrolab.machine.parts import Machine
@@ -185,7 +184,7 @@ def facts(machine: Machine, step: Step, legs: Legs | None = None) -> dict[str, f
         "first_um": 1e6 * float(orbit.amplitudes[0, 0]),
         "across_um": 1e6 * float(orbit.amplitudes[1, 0]),
         "mean_um": 1e6 * math.hypot(*orbit.mean),
-        "second_percent": 100 * second_share(orbit.coefficients),
+        "second_percent": 100 * orbit.second_share,
         "axes_ratio": first.minor / first.major if first.major else math.nan,
         "smallest_gap_mm": 1e3 * orbit.smallest_gap, "gap_mm": 1e3 * machine.air_gap.gap,
         "offset_um": 1e6 * eccentricity * machine.air_gap.gap,

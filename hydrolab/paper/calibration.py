@@ -1,20 +1,14 @@
 """The unknown half of the paper's machine: free data, their ranges, and how the rest is fixed; the
-family of machines that this gives, and the one of them that ships.
+family of machines that this gives.
 
 Figure 1 of Villa, Carvalho and Salomon is lost, and with it the masses, inertias, bearing
 positions, the turbine's link and the two unbalances. What the paper states is kept as stated. A
-member of the family is a draw of the free data (Latin hypercube over `FREE`); then
+member of the family is a draw of the free data `FREE`; then
 - the unbalances are scaled so that the centred generator moves 200 µm (0-to-peak), with the field
   or without, since the paper does not say which;
 - the depth of the guide bearing is found so that the first fold lies at 8.925 % of the gap.
 A draw for which no depth does that is rejected, with its reason. No claim of the paper takes part
-in this.
-
-Then each member is studied and judged, and the one that agrees with most claims becomes the card.
-A member whose fold moves by more than 0.1 % of the gap when a mass or an inertia grows by 1 % is
-passed over. Among equals the choice falls on the one whose stable steady states reach furthest past
-the first fold, because there is most to show. `python -m hydrolab.paper.calibration` does all of
-this again.
+in this. book/gallery/kaplan_family.py draws the family and chooses the member that ships.
 """
 
 from __future__ import annotations
@@ -24,27 +18,22 @@ import math
 import os
 import signal
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.resources import files
-from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
-from scipy.stats import qmc
 
 from hydrolab.dynamics.following import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import condense
 from hydrolab.dynamics.harmonics import to_complex
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.bearings import RadialBearing, ThrustBearing
-from hydrolab.machine.cards import read_card, write_card
 from hydrolab.machine.model import Model
 from hydrolab.machine.parts import AirGap, Machine, RayleighDamping, RigidBody, Shaft
-from hydrolab.machine.quantities import Entry
 from hydrolab.paper.claims import judge
-from hydrolab.paper.study import FAMILY_CARD, Study, run_study
+from hydrolab.paper.study import run_study
 
 SPEED = 150 * math.pi / 30
 AMPLITUDE = 200e-6  # m, 0-to-peak, at the generator centre (paper, section 2)
@@ -54,9 +43,6 @@ FOLD = 0.08925
 ROTOR_RADIUS = 2.989  # m, Table 1: u0 − g0/2
 DEPTH_RANGE = (0.70, 1.30)  # m, where the guide bearing is looked for
 READINGS = {"with field": True, "without field": False}
-LARGEST_SENSITIVITY = 0.1  # % of the gap for 1 % of a mass or an inertia
-INERTIAS = ("generator_mass", "generator_gyration", "generator_shape", "turbine_mass",
-            "turbine_gyration", "turbine_shape")
 
 
 @dataclass(frozen=True)
@@ -127,8 +113,8 @@ class Family:
 
 def build(free: Mapping[str, float], bearing_depth: float, unbalance: float,
           name: str = "kaplan") -> Machine:
-    """The Kaplan unit of the paper with these free data, a guide-bearing depth (m) and a sum of
-    unbalances (kg m).
+    """The Kaplan unit of the paper with these free data, a bearing_depth of its guide bearing (m),
+    a sum of unbalances (kg m) and a name.
 
     Twelve elements: shaft top to guide bearing, five to the thrust bearing, five to the turbine
     bearing, one to the end. Equal elements do not fit: bearings on their nodes would be at 0.75 or
@@ -157,17 +143,13 @@ def build(free: Mapping[str, float], bearing_depth: float, unbalance: float,
     )
 
 
-def depths(machine: Machine) -> NDArray:
-    """Depths of the nodes of the unit's shaft, m."""
-    if machine.shaft is None:
-        raise BadInput(f"{machine.name} has no shaft; a member of the family has one.")
-    return machine.shaft.nodes
-
-
 def member_of(machine: Machine, reading: str) -> Member:
-    """The member that a machine built by `build` is: its free data read back from its parts."""
-    generator, turbine, nodes = machine.body("generator"), machine.body("turbine"), depths(machine)
-    total = generator.unbalance + turbine.unbalance
+    """The member that a machine built by `build` is, its 200 µm counted as reading says: its free
+    data read back from its parts.
+    """
+    generator, turbine = machine.body("generator"), machine.body("turbine")
+    assert machine.shaft is not None  # `build` gives one
+    nodes, total = machine.shaft.nodes, generator.unbalance + turbine.unbalance
     free = {"generator_mass": generator.mass,
             "generator_gyration": math.sqrt(generator.Ip / generator.mass) / ROTOR_RADIUS,
             "generator_shape": generator.Id / generator.Ip, "turbine_mass": turbine.mass,
@@ -177,12 +159,12 @@ def member_of(machine: Machine, reading: str) -> Member:
             "turbine_bearing_depth": float(nodes[11]),
             "unbalance_share": generator.unbalance / total,
             "unbalance_phase": turbine.phase - generator.phase}
-    return Member(-1, reading, free, float(nodes[1]), total,
-                  first_fold(machine.model()))
+    return Member(-1, reading, free, float(nodes[1]), total, first_fold(machine.model()))
 
 
 def unbalance_scale(model: Model, speed: float, amplitude: float, *, with_field: bool) -> float:
-    """Factor on the unbalances that makes the centred orbit a circle of this radius (m); exact.
+    """Factor on the unbalances of a model that makes its centred orbit at a speed (rad/s) a circle
+    of this amplitude (m), with_field or without; exact.
 
     A forward circle of radius r feels the radial pull k (1 − r²/g0²)^{−3/2} r, so that one complex
     equation d w = d w_lin + k(r) w holds for w = z + ix, with d the forward dynamic stiffness.
@@ -202,8 +184,9 @@ def unbalance_scale(model: Model, speed: float, amplitude: float, *, with_field:
 
 
 def first_fold(model: Model, speed: float = SPEED) -> float:
-    """First fold along the static eccentricity, fraction of the gap; 0 if there is no steady state
-    to begin with, nan if there is no fold up to contact."""
+    """First fold of a model at a speed (rad/s) along the static eccentricity, fraction of the gap;
+    0 if there is no steady state to begin with, nan if there is no fold up to contact.
+    """
     try:
         branch = follow(model, speed=speed, to=0.5, method=Arclength(max_folds=1, tail=0))
     except (NoConvergence, Contact):
@@ -212,15 +195,17 @@ def first_fold(model: Model, speed: float = SPEED) -> float:
 
 
 def with_amplitude(free: Mapping[str, float], depth: float, reading: str) -> Machine:
-    """The machine at this guide-bearing depth with its unbalances scaled to the 200 µm."""
+    """The machine of these free data at a guide-bearing depth (m) with its unbalances scaled to the
+    200 µm, counted as reading says.
+    """
     scale = unbalance_scale(build(free, depth, 1.0).model(), SPEED, AMPLITUDE,
                             with_field=READINGS[reading])
     return build(free, depth, scale)
 
 
 def calibrate(free: Mapping[str, float], reading: str, number: int = 0) -> Member | str:
-    """Find the guide-bearing depth that puts the first fold at 8.925 %; a sentence if there is
-    none.
+    """Find the guide-bearing depth that puts the first fold of these free data at 8.925 %, with
+    the 200 µm counted as reading says; a sentence if there is none. number: of the draw.
     """
     def excess(depth: float) -> float:
         fold = first_fold(with_amplitude(free, depth, reading).model())
@@ -239,27 +224,7 @@ def calibrate(free: Mapping[str, float], reading: str, number: int = 0) -> Membe
                   fold)
 
 
-def draw_family(draws: int = 40, seed: int = 1,
-                progress: Callable[[int, int], None] | None = None) -> Family:
-    """Draw the free data and calibrate both readings of each draw."""
-    unit = qmc.LatinHypercube(len(FREE), seed=seed).random(draws)
-    members, rejected = [], []
-    for number, row in enumerate(unit):
-        free = {key: f.low + u * (f.high - f.low)
-                for (key, f), u in zip(FREE.items(), row, strict=True)}
-        for reading in READINGS:
-            found = calibrate(free, reading, number)
-            if isinstance(found, Member):
-                members.append(found)
-            else:
-                rejected.append((number, reading, found))
-        if progress:
-            progress(number + 1, draws)
-    return Family(seed, tuple(members), tuple(rejected))
-
-
-@dataclass(frozen=True)
-class Nudge:
+class Nudge(NamedTuple):
     """A small change of a free datum: a factor and a summand, and both in words."""
 
     factor: float
@@ -289,69 +254,45 @@ def sensitivity(member: Member) -> dict[str, float]:
 
     base = fold(member.free, member.bearing_depth)
     changes = {}
-    for key, step in STEPS.items():
-        moved = {**member.free, key: member.free[key] * step.factor + step.summand}
+    for key, (factor, summand, _) in STEPS.items():
+        moved = {**member.free, key: member.free[key] * factor + summand}
         changes[key] = 100 * (fold(moved, member.bearing_depth) - base)
     changes["guide_bearing_depth"] = 100 * (fold(member.free, member.bearing_depth + 0.01) - base)
     return changes
 
 
-def family_file() -> Path:
-    """Where the family that ships with hydrolab is kept."""
-    return Path(str(files("hydrolab.machine") / "cards" / "kaplan-family.json"))
-
-
-def save_family(family: Family, path: Path) -> None:
-    """Write a family as JSON, with the ranges it was drawn from."""
-    free = {key: asdict(f) for key, f in FREE.items()}
-    content = {"seed": family.seed, "free": free, "members": [asdict(m) for m in family.members],
-               "rejected": [{"number": n, "reading": r, "reason": w}
-                            for n, r, w in family.rejected]}
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-
-
-def load_family(path: Path | None = None) -> Family:
-    """Read a family written by `save_family`; the shipped one by default."""
-    content = json.loads((path or family_file()).read_text(encoding="utf-8"))
+def load_family() -> Family:
+    """The family that ships with hydrolab."""
+    path = files("hydrolab.machine") / "cards" / "kaplan-family.json"
+    content = json.loads(path.read_text(encoding="utf-8"))
     return Family(content["seed"], tuple(Member(**m) for m in content["members"]),
                   tuple((r["number"], r["reading"], r["reason"]) for r in content["rejected"]))
 
 
 @dataclass(frozen=True)
 class Verdicts:
-    """What the study of one member found: its kind, which claims hold, or why it could not be
-    studied.
-
-    first_loss: eccentricity at which stability is lost before the first fold, or None. folds:
-    fractions of the gap. stable_reach: largest eccentricity at which a steady state past the folds
-    was found stable, or 0.
-    """
+    """What the study of one member found: its kind, or "not studied", and which claims hold."""
 
     member: Member
     kind: str
     holds: dict[int, bool]
-    folds: tuple[float, ...] = ()
-    first_loss: float | None = None
-    stable_reach: float = 0.0
-    failure: str = ""
 
 
 def judge_member(member: Member) -> Verdicts:
     """Study one member and judge it."""
     try:
         study = run_study(member.machine())
-        if study.interrupted:
-            raise KeyboardInterrupt  # half a study is no verdict
-        return Verdicts(member, study.kind, {c.id: bool(c.holds) for c in judge(study)},
-                        tuple(f.value for f in study.branch.folds), study.first_loss,
-                        stable_reach(study))
-    except (BadInput, NoConvergence, Contact) as error:
-        return Verdicts(member, "not studied", {}, failure=str(error))
+    except (BadInput, NoConvergence, Contact):
+        return Verdicts(member, "not studied", {})
+    if study.interrupted:
+        raise KeyboardInterrupt  # half a study is no verdict
+    return Verdicts(member, study.kind, {c.id: bool(c.holds) for c in judge(study)})
 
 
 def judge_family(members: Iterable[Member], progress: Callable[[int, int], None] | None = None,
                  workers: int | None = None) -> list[Verdicts]:
-    """Judge members in parallel processes, in their order.
+    """Judge members in parallel processes, by default as many workers as there are cores, in their
+    order; progress is called with (done, all).
 
     An interrupt, or a process that dies, keeps what is done: fewer verdicts than members. Each
     process uses one BLAS thread, and ends at once at a Ctrl-C in the terminal, which all processes
@@ -377,105 +318,12 @@ def judge_family(members: Iterable[Member], progress: Callable[[int, int], None]
 
 
 def tally(verdicts: Iterable[Verdicts], claim: int) -> dict[str, dict[str, int]]:
-    """How many members of each kind agree with a claim: {kind: {"agree": n, "of": n}}."""
+    """How many members of each kind agree with a claim, by their verdicts: {kind: {"agree": n,
+    "of": n}}.
+    """
     counts: dict[str, dict[str, int]] = {}
     for v in verdicts:
         row = counts.setdefault(v.kind, {"agree": 0, "of": 0})
         row["of"] += 1
         row["agree"] += int(v.holds.get(claim, False))
     return counts
-
-
-def stable_reach(study: Study) -> float:
-    """Largest eccentricity past the first fold at which a point of the later legs is stable; 0 if
-    there is none.
-    """
-    if study.kind == "plain":
-        return 0.0
-    beyond = zip(study.branch.static_eccentricity, study.stability, strict=True)
-    return max((float(value) for value, point in beyond if value > study.limit
-                and point.verdict == "stable"),
-               default=0.0)
-
-
-def choose(verdicts: Iterable[Verdicts]) -> Member:
-    """The member that agrees with most claims; see the module for ties.
-
-    Raises BadInput where no member's fold is firm enough.
-    """
-    def rank(v: Verdicts) -> tuple[int, float]:
-        return sum(v.holds.values()), v.stable_reach
-
-    for best in sorted(verdicts, key=rank, reverse=True):
-        changes = sensitivity(best.member)
-        if max(abs(changes[key]) for key in INERTIAS) <= LARGEST_SENSITIVITY:
-            return best.member
-    raise BadInput("on every member 1 % of a mass or an inertia moves the fold by over "
-                   f"{LARGEST_SENSITIVITY} % of the gap.")
-
-
-def rounded(value: float, digits: int = 4) -> float:
-    """A number with so many significant digits."""
-    return float(f"{value:.{digits}g}")
-
-
-def ship(member: Member, path: Path) -> Member:
-    """Write a member as the card `kaplan-150rpm`, its free data rounded to four digits and
-    calibrated anew.
-    """
-    found = calibrate({key: rounded(value) for key, value in member.free.items()}, member.reading,
-                      member.number)
-    if isinstance(found, str):
-        raise BadInput(f"the rounded member cannot be calibrated: {found}.")
-    member = found
-    machine, card = member.machine(), read_card(FAMILY_CARD)
-
-    def put(table: dict[str, Any], key: str, value: Any, unit: str, note: str = "") -> None:
-        table[key] = Entry(value, unit, "calibrated", note, value)
-
-    card["about"] = (
-        "A large vertical generator unit after the paper's Kaplan plant in the north of Brazil. "
-        "What the paper states is kept. Its Figure 1 is lost, so the rest is our own calibration "
-        f"and not the paper's: member {member.number} of the family of hydrolab.paper.calibration, "
-        f"with 200 µm counted {member.reading}, chosen because it agrees with most claims of the "
-        "paper.")
-    put(card["shaft"], "nodes", [rounded(y, 7) for y in depths(machine)], "m",
-        "12 elements and 9.04 m: paper; guide bearing at node 1: puts the first fold at 8.925 %; "
-        "thrust bearing at node 6 and turbine bearing at node 11: drawn")
-    for table, body in zip(card["bodies"], machine.bodies, strict=True):
-        put(table, "mass", body.mass / 1000, "t", "drawn")
-        put(table, "Id", rounded(body.Id, 6), "kg m^2", "drawn, by its share of Ip")
-        put(table, "Ip", rounded(body.Ip, 6), "kg m^2", "drawn, by its radius of gyration")
-        put(table, "unbalance", rounded(body.unbalance, 6), "kg m",
-            f"share drawn; size: 200 µm (0-to-peak) at the generator centre, {member.reading}, "
-            "without eccentricity")
-        put(table, "phase", body.phase, "rad", "drawn" if body.phase else "reference")
-    put(card["bodies"][1], "offset", machine.bodies[1].offset, "m", "drawn")
-    write_card(card, path)
-    return member
-
-
-def main(path: Path) -> None:
-    """Draw the family, judge it, and write the family's file and the card beside it.
-
-    path: of the family's file.
-    """
-    def tell(what: str) -> Callable[[int, int], None]:
-        return lambda done, of: print(f"{done}/{of} {what}", end="\r", flush=True)
-
-    family = draw_family(progress=tell("draws"))
-    save_family(family, path)
-    print(f"{len(family.members)} members, {len(family.rejected)} rejected, written to {path.name}")
-    judged = judge_family(family.members, tell("members"))
-    if len(judged) < len(family.members):
-        raise SystemExit(f"Stopped after {len(judged)} of {len(family.members)} members: no choice "
-                         "is made and no card written.")
-    unit = ship(choose(judged), path.parent / f"{FAMILY_CARD}.toml")
-    print(f"{FAMILY_CARD} is member {unit.number}, {unit.reading}. Its fold moves, in % of the "
-          "gap, by")
-    for key, change in sensitivity(unit).items():
-        print(f"  {key:24s} {change:+.4f}")
-
-
-if __name__ == "__main__":
-    main(family_file())

@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from hydrolab.dynamics.branches import Branch, branch_stability, orbits_at
 from hydrolab.dynamics.following import Arclength, follow, sweep
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
-from hydrolab.dynamics.harmonics import fourier_rows
+from hydrolab.dynamics.harmonics import PERIOD, period_rows
 from hydrolab.dynamics.integrate import CentralDifference, integrate
 from hydrolab.dynamics.reduction import reduce, truncation_error
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
@@ -41,7 +41,6 @@ REVOLUTIONS, RAMP, STEPS = 1000, 400, 512
 REVOLUTIONS_BEYOND = 400
 # of a revolution; a thousand revolutions then take minutes, and their motion 200 MB
 MOST_STEPS = 2**13
-PHASE = 2 * np.pi * np.arange(360) / 360
 
 Progress = Callable[[str, int, int], None]
 
@@ -263,7 +262,7 @@ def stress_fluctuation(shaft: Shaft, orbit: PeriodicOrbit) -> float:
     Bending moments are the end moments of the elements, K_e q_e; the fibre is taken at eight angles
     at each end.
     """
-    motion = orbit.model.shaft_map @ orbit.shaft @ fourier_rows(orbit.harmonics, PHASE)
+    motion = orbit.model.shaft_map @ orbit.shaft @ period_rows(orbit.harmonics)
     worst = 0.0
     for i in range(len(shaft.nodes) - 1):
         ends = shaft.element_matrices(i)[2] @ motion[4 * i:4 * i + 8]
@@ -271,7 +270,7 @@ def stress_fluctuation(shaft: Shaft, orbit: PeriodicOrbit) -> float:
             for fibre in 2 * np.pi * np.arange(8) / 8:
                 # Fibre at angle Ωt + fibre from z towards x; θx bends in the (y, z) plane, −θz in
                 # (y, x).
-                stress = (mx * np.cos(PHASE + fibre) - mz * np.sin(PHASE + fibre)) * (
+                stress = (mx * np.cos(PERIOD + fibre) - mz * np.sin(PERIOD + fibre)) * (
                     shaft.diameter[i] / 2 / shaft.second_moment[i])
                 worst = max(worst, float(np.ptp(stress)) / 2)
     return worst

@@ -82,7 +82,10 @@ def main():
                                       description=__doc__.split("\n\n")[0])
     options.add_argument("--quick", action="store_true", help="each once and the long ones "
                          "shortened: whether it runs, not how fast it is")
-    extent = [] if options.parse_args().quick else ["--benchmark-only"]
+    options.add_argument("-k", default="", help="only those that pytest would take by this")
+    chosen = options.parse_args()
+    extent = ["-k", chosen.k] if chosen.k else []
+    extent += [] if chosen.quick else ["--benchmark-only"]
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "benchmarks.json"
         command = [sys.executable, "-m", "pytest", "-q", "-rs", "-n0", "-p", "no:cacheprovider",

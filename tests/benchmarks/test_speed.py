@@ -454,7 +454,7 @@ def test_family(run, whole):
     verdicts = run(lambda: judge_family(some, workers=2), f"study of the family, {len(members)} "
                                                           "members on two cores",
                    per=len(some) / len(members), target=540.0, rounds=1)
-    assert len(verdicts) == len(some) and not any(v.failure for v in verdicts)
+    assert len(verdicts) == len(some) and all(v.holds for v in verdicts)
 
 
 # ------------------------------------------------------------------ import

@@ -1,16 +1,11 @@
 """Drawings and explorers: pictures with readings, and a slider that shows what its view says."""
 
-from pathlib import Path
-
 import ipywidgets as widgets
 import pytest
 
 from hydrolab import load_machine
 from hydrolab.course.illustrations import conventions_picture, gap_picture
 from hydrolab.explorers import Explorer
-from tests import readme_images
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_drawings_say_what_they_show():
@@ -49,13 +44,3 @@ def test_a_view_that_fails_says_so():
                         n=widgets.FloatSlider(value=1, min=0, max=2))
     with pytest.raises(ZeroDivisionError):
         explorer.controls["n"].value = 0
-
-
-def test_the_picture_of_the_readme_is_made_again(tmp_path, capsys):
-    assert readme_images.main(["eccentricity", "--folder", str(tmp_path / "images")]) == 0
-    line = capsys.readouterr().out
-    assert (tmp_path / "images" / "eccentricity.png").read_bytes().startswith(b"\x89PNG")
-    assert line.startswith("![The eccentricity explorer. Leg 1, stable. At 8.8 %")
-    shown = next(row for row in (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
-                 if "eccentricity.png" in row)
-    assert shown.split("](")[0] == line.split("](")[0], "see tests.readme_images"

@@ -12,14 +12,10 @@ from hydrolab.paper.calibration import (
     DEPTH_RANGE,
     FOLD_RANGE,
     FREE,
-    INERTIAS,
-    LARGEST_SENSITIVITY,
     SPEED,
     Verdicts,
     build,
     calibrate,
-    choose,
-    draw_family,
     first_fold,
     load_family,
     member_of,
@@ -44,21 +40,6 @@ def test_family_is_large_and_covers_both_readings(family):
         assert all(FREE[key].low <= value <= FREE[key].high for key, value in member.free.items())
 
 
-def test_the_file_is_what_the_code_draws(family):
-    """The first draws made again; the Latin hypercube of all draws fixes each of them."""
-    drawn = draw_family.__defaults__[0]
-    from scipy.stats import qmc
-    unit = qmc.LatinHypercube(len(FREE), seed=family.seed).random(drawn)
-    for number in (0, 17):
-        free = {key: f.low + u * (f.high - f.low)
-                for (key, f), u in zip(FREE.items(), unit[number], strict=True)}
-        for reading in ("with field", "without field"):
-            kept = next(m for m in family.members if (m.number, m.reading) == (number, reading))
-            again = calibrate(free, reading, number)
-            assert again.bearing_depth == pytest.approx(kept.bearing_depth, abs=2e-6)
-            assert again.unbalance == pytest.approx(kept.unbalance, rel=1e-5)
-
-
 @pytest.mark.parametrize("number", [3, 40, 77])
 def test_stated_data_stay_as_stated(family, number):
     member = family.members[number]
@@ -81,7 +62,8 @@ def test_shipped_unit_is_a_member_and_firm(family):
                                                  - unit.body("generator").mass)
                + 1e4 * (m.reading != "with field"))
     changes = sensitivity(near)
-    assert max(abs(changes[key]) for key in INERTIAS) <= LARGEST_SENSITIVITY
+    assert max(abs(changes[key]) for key in FREE
+               if key.endswith(("_mass", "_gyration", "_shape"))) <= 0.1
     assert changes["guide_bearing_depth"] == pytest.approx(-0.3, abs=0.1)
     orbit = HarmonicBalance().solve(unit.model(), unit.speed)
     assert orbit.amplitudes[:, 0] == pytest.approx([AMPLITUDE, AMPLITUDE], rel=1e-4)
@@ -107,12 +89,10 @@ def test_unbalance_scale_refuses_an_anisotropic_machine():
         unbalance_scale(load_machine("three-disc").model(), SPEED, 1e-4, with_field=False)
 
 
-def test_choice_prefers_claims_then_reach(family):
+def test_members_of_a_kind_are_counted(family):
     a, b, c = family.members[:3]
-    verdicts = [Verdicts(a, "plain", {1: True, 2: False}, stable_reach=0.5),
-                Verdicts(b, "S-shaped", {1: True, 2: True}),
-                Verdicts(c, "S-shaped", {1: True, 2: True}, stable_reach=0.1)]
-    assert choose(verdicts) == c
+    verdicts = [Verdicts(a, "plain", {1: True, 2: False}), Verdicts(b, "S-shaped", {2: True}),
+                Verdicts(c, "S-shaped", {2: True})]
     assert tally(verdicts, 2) == {"plain": {"agree": 0, "of": 1}, "S-shaped": {"agree": 2, "of": 2}}
 
 
