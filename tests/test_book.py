@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from hydrolab.course import refresh as notebooks
-from hydrolab.explorers.flipbook import MIME as FLIPBOOK
+from hydrolab.explorers.kept_figure import MIME as FLIPBOOK
 
 BOOK = Path(__file__).resolve().parents[1] / "book"
 CHAPTERS = {path.stem: path for path in sorted(BOOK.glob("*.ipynb"))}

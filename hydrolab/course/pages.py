@@ -15,7 +15,7 @@ from itertools import groupby
 from pathlib import Path
 
 from hydrolab.course.refresh import Cell, Notebook
-from hydrolab.explorers.flipbook import MIME as FLIPBOOK
+from hydrolab.explorers.kept_figure import MIME as FLIPBOOK
 from hydrolab.machine.cards import SOURCES, card_keys
 
 DISPLAY = re.compile(r"^\$\$.*?\\tag\{([^}]*)\}\s*\$\$", re.DOTALL | re.MULTILINE)

@@ -4,6 +4,9 @@ A `Batch` stacks condensed systems; every array has the members first. Newton's 
 of them at once, drops those that have converged, and never lets one that fails disturb the others.
 `update_branch` makes a branch follow a slider: all its points corrected together when the model
 changes a little.
+
+Here y: unknowns, scaled, (B, 2K). centre: of the stator, m, (B, 2). max_steps: of Newton. matrices,
+right: (B, n, n) and (B, n).
 """
 
 from __future__ import annotations

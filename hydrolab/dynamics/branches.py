@@ -1,4 +1,7 @@
-"""Branches of steady states: their folds, their stability, and the orbits at one value."""
+"""Branches of steady states: their folds, their stability, and the orbits at one value.
+
+Here residual: in N. static_eccentricity: a fraction of the gap.
+"""
 
 from __future__ import annotations
 

@@ -3,6 +3,9 @@
 It knows only a system (y, λ) → (residual, ∂/∂y, ∂/∂λ), so it follows a circle as readily as a
 rotor. ∂/∂λ may be a function without arguments that gives it: one that is dear is then asked for
 once a step, near its end. After Keller (1977) and Seydel (2010).
+
+system: that function. tolerance: of the residual. max_steps: of Newton. slope: ∂/∂λ. max_step: the
+longest step.
 """
 
 from __future__ import annotations

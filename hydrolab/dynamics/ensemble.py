@@ -7,6 +7,9 @@ stability limit, and one small matrix product moves thousands of motions. Stator
 unbalance may be each motion's own and may move in time, which is a kick as well.
 
 Which steady state does the rotor end in? `basins` starts it off one of them everywhere.
+
+Here modes: how many are kept. steps: in a revolution. course: where stator, field and unbalance are
+at a time. begin: the first phase. progress: called with (done, all).
 """
 
 from __future__ import annotations

@@ -13,6 +13,8 @@ along the motion, by alternating frequency and time (Cameron and Griffin 1989).
 
 Coefficients are those of `hydrolab.dynamics.harmonics`, shape (c, 2m + 1). Where the period is that
 of q revolutions, harmonic k turns with kΩ/q and the unbalance is in harmonic q.
+
+centre: of the stator, m. eccentricity: a fraction of the gap.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 A motion of one period is stored as [mean, sin 1, cos 1, sin 2, cos 2, …] on the last axis, 2m + 1
 columns for m harmonics; the axes before it are points, coordinates, degrees of freedom. The phase
 is that of the period: where it is q revolutions long, the phase is Ωt/q.
+
+coefficients: such an array. phase: in rad.
 """
 
 from __future__ import annotations

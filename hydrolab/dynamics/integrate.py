@@ -4,6 +4,10 @@ A method object's `run` yields the motion one revolution at a time; the step of 
 function over arrays. Full FE models have frequencies of tens of kilohertz that no orbit shows, so
 `integrate` works on a modal basis with the static deflection under the pull (`reduce`) unless told
 otherwise. The pull of a round gap is taken on plain floats, at a third of the cost of arrays.
+
+Here u, rate: position and velocity of the nonlinear coordinates. state, v: (q, q̇) and q̇. start:
+the first phase, rad. revolutions: how many. speed: rad/s. dt: a step, s. beta, gamma: Newmark's.
+method: such an object.
 """
 
 from __future__ import annotations

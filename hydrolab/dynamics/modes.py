@@ -4,6 +4,8 @@ A mode is q = Re(φ e^{λt}) with (λ² M + λ (C + Ω G) + K) φ = 0 (M. I. Fri
 Rotating Machines, 2010, section 5.5). A force law such as the magnetic pull is not in K: a bearing
 of pads counts as closed, and a film as the spring that stands for it. Where `pull` is an argument,
 the mean slope of all laws can be taken into K and C, and what is printed says whether it is.
+
+tilt_x, tilt_z: θx and θz.
 """
 
 from __future__ import annotations

@@ -3,6 +3,9 @@
 What can be followed: static_eccentricity (fraction of the gap) · direction (gap angle of the
 offset, rad) · speed (rad/s) · field and unbalance (factors on the machine's own) · and any number
 of the machine's card by its key, such as "bodies.generator.mass" or "air_gap.gap", in SI units.
+
+Here y: unknowns, scaled. digits: that are significant. value: of the parameter. speed: rad/s.
+static_eccentricity: a fraction of the gap. direction: a gap angle, rad.
 """
 
 from __future__ import annotations

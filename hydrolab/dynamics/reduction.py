@@ -11,6 +11,8 @@ Modes at rest know nothing of dashpots, seals and cross-coupling. At a known spe
 therefore compared with all DOFs: where its answer to the unbalance and to a force at the nonlinear
 coordinates is off at kΩ, the answer of all DOFs is added (moment matching, Grimme 1997), and so are
 free motions that grow or die out slowest and are not in it.
+
+Here speed: rad/s. harmonics: m.
 """
 
 from __future__ import annotations

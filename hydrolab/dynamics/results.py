@@ -1,6 +1,8 @@
 """Motions, steady states and branches: frozen results that print as a story.
 
 Amplitudes are 0-to-peak. Coefficients are those of `hydrolab.dynamics.harmonics`.
+
+Here name, value: of an argument.
 """
 
 from __future__ import annotations

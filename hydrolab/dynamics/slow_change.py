@@ -3,6 +3,9 @@
 A real machine reaches a fold by moving. What it does there may depend on how it is moved: a stator
 moved by 11 µm at one instant kicks the rotor, and can throw it out of a basin that a slow change
 would not leave.
+
+static_eccentricity: a fraction of the gap. steps: in a revolution. revolutions, keep: how many
+pass, and how many of the last are kept. modes: of the basis.
 """
 
 from __future__ import annotations

@@ -3,6 +3,8 @@
 A system is a function y → (residual, Jacobian), scaled so that unknowns and residuals are of order
 one. Both return a `Solution`; neither raises when it fails, because only the caller knows what to
 advise.
+
+y: where to begin. tolerance: of the residual. max_steps: how many.
 """
 
 from __future__ import annotations

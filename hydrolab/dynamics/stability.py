@@ -15,6 +15,9 @@ stiff for kicks and may act on velocities; there each step is the exponential of
 (the first term of Magnus's series 1954; Iserles and others 2000). Both are symmetric, so the error
 has even powers of the step only, and Richardson's extrapolation from n, 2n and 4n steps gives sixth
 order. Source: Nayfeh and Balachandran (1995), chapter 3, for the theory.
+
+Here coefficients: of the c nonlinear coordinates, (P, c, 2m + 1), m. centre: of the stator, m.
+steps: in a revolution. revolutions: in a period. first, second: multipliers, (P, n).
 """
 
 from __future__ import annotations

@@ -11,6 +11,10 @@ Floquet exponents, has its poles at the eigenvalues of the linear machine, and r
 What lies beyond the harmonics ±N sees the mean slope only and is counted by det(I − T J₀) along
 the rest of the axis. Sources: the argument principle (Nyquist 1932); Hill's determinant in Nayfeh
 and Balachandran (1995).
+
+Here which: rows of the orbits asked about. local: (P, c, 2m + 1), m. centres: of the stator, (P,
+2), m. order: N. part: the linear part of the forces. samples: of Im s. exponents: λ. step: the last
+of Newton.
 """
 
 from __future__ import annotations

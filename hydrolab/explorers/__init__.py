@@ -6,8 +6,8 @@ or takes one of the library's, each in a module with its drawing and its reading
 and `time_steps` (methods), `mesh` and `campbell` (the shaft), `tuning` (the calibration) and
 `diagnosis` (`guide` finds the bearing), `out_of_round` (the gap's shape).
 
-`widget` puts controls beside a `View`, `kept_figure` draws quickly what moves, `flipbook` keeps
-frames for pages without a kernel. A new explorer is one module like these, and a line here.
+`widget` puts controls beside a `View`, `kept_figure` draws quickly what moves and keeps frames for
+pages without a kernel. A new explorer is one module like these, and a line here.
 """
 
 from hydrolab.explorers.aft import harmonics_explorer

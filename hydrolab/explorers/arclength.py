@@ -59,9 +59,9 @@ CURVES = {
 
 def walk(system: System, start: NDArray, step: float, count: int,
          natural: bool) -> tuple[list[Step], NDArray, str]:
-    """Take so many steps of a length from start (y, λ), and correct each across the way it went:
-    along λ (natural) or along the tangent. Return the points from the start on; where each step led
-    before its correction, (steps, 2); and where it stopped, or "".
+    """Take count steps of a length on a system from start (y, λ), and correct each across the way
+    it went: along λ (natural) or along the tangent. Return the points from the start on; where each
+    step led before its correction, (steps, 2); and where it stopped, or "".
     """
     upwards = np.array([0.0, 1.0])
     found, guesses = [correct(system, start, upwards)], []

@@ -1,22 +1,33 @@
 """A figure that follows a slider: a PNG of what stands still, sent once, and the pixels that differ
 from it. To draw, write and read it whole takes ten times as long.
+
+For pages that have no kernel it becomes a flip-book: what is seen along the main slider, computed
+in advance. A stored notebook carries it beside the first picture; JupyterLab ignores it, the static
+book shows it with a slider.
 """
 
 from __future__ import annotations
 
+import base64
+import io
+import json
 import struct
 import zlib
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from PIL import Image
 
 from hydrolab.figures.style import COLOURS, CSS_DOTS_PER_INCH, house_style
 
 COMPRESSION = 1  # of the PNG: the quickest; larger files do not leave this computer
+MIME = "text/vnd.hydrolab.flipbook"  # JSON as text, so that nbval compares the readings
+FRAMES = 11
+PALETTE = 31  # colours of a frame
 
 
 class KeptFigure:
@@ -51,11 +62,11 @@ class KeptFigure:
 
     def png(self) -> bytes:
         """The figure as it is now, as PNG."""
-        return quick_png(self._pixels())
+        return quick_png(self.pixels())
 
     def layers(self) -> tuple[bytes, bytes]:
         """The figure as it is now: what stands still, as PNG, and what is `differing` from it."""
-        pixels = self._pixels()
+        pixels = self.pixels()
         if self._ground is None:
             canvas = self.figure.canvas
             canvas.restore_region(self._still)
@@ -63,7 +74,7 @@ class KeptFigure:
             self._ground = still, quick_png(still)
         return self._ground[1], differing(self._ground[0], pixels)
 
-    def _pixels(self) -> NDArray:
+    def pixels(self) -> NDArray:
         """The figure as it is now, (height, width, 4) of bytes, opaque."""
         canvas = self.figure.canvas
         if self._still is None:
@@ -77,12 +88,12 @@ class KeptFigure:
         self._last = np.array(canvas.buffer_rgba())
         return self._last
 
-    def greyed(self) -> bytes:
-        """The last picture in pale grey with words across it, as PNG; asked again, it does not fade
-        further.
+    def greyed(self) -> NDArray:
+        """The pixels of the last picture in pale grey with words across it; asked again, it does
+        not fade further.
         """
         if self._last is None:
-            self._pixels()
+            self.pixels()
         # anew, where the figure was saved at another resolution
         renderer = self.figure.canvas.get_renderer()
         pixels = np.asarray(renderer.buffer_rgba())
@@ -94,7 +105,7 @@ class KeptFigure:
                                     fontsize=22, color=COLOURS["unstable"], bbox=box)
             note.draw(renderer)
         note.remove()
-        return quick_png(pixels)
+        return np.array(pixels)
 
 
 def differing(still: NDArray, now: NDArray) -> bytes:
@@ -122,3 +133,82 @@ def quick_png(pixels: NDArray) -> bytes:
     header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
     return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header)
             + chunk(b"IDAT", zlib.compress(rows, COMPRESSION)) + chunk(b"IEND", b""))
+
+
+class Frame(NamedTuple):
+    """A value of the slider in words, what is said there, and the pixels seen."""
+
+    value: str
+    reading: str
+    pixels: NDArray
+
+
+def main_control(controls: Mapping[str, Any]) -> str | None:
+    """The name of the first of an explorer's controls that is a slider, or None."""
+    return next((name for name, control in controls.items() if hasattr(control, "readout")
+                 and (hasattr(control, "options") or hasattr(control, "step"))), None)
+
+
+def slider_values(control: Any, count: int = FRAMES, keep: Any = None) -> list[Any]:
+    """At most `count` values of a slider control, in its order; both ends and `keep` (by default
+    its value) are among them.
+    """
+    keep = control.value if keep is None else keep
+    if hasattr(control, "options"):
+        options = [option[1] if isinstance(option, tuple) else option for option in control.options]
+        return [options[place] for place in _places(len(options) - 1, options.index(keep), count)]
+    now = round((keep - control.min) / control.step)
+    kind = int if isinstance(keep, int) else float
+    return [keep if place == now else kind(round(control.min + place * control.step, 12))
+            for place in _places(round((control.max - control.min) / control.step), now, count)]
+
+
+def _places(steps: int, now: int, count: int) -> list[int]:
+    """At most `count` of the places 0 … steps, evenly spaced but for `now`."""
+    taken = {round(place) for place in np.linspace(0, steps, min(count, steps + 1))}
+    if now not in taken:
+        nearest = min((place for place in taken if 0 < place < steps),
+                      key=lambda place: abs(place - now))
+        taken = (taken - {nearest}) | {now}
+    return sorted(taken)
+
+
+def shown(control: Any, value: Any) -> str:
+    """A value as a slider control writes it."""
+    if hasattr(control, "options"):
+        return str(value)
+    return format(value, getattr(control, "readout_format", "") or "g")
+
+
+def flipbook(label: str, frames: Sequence[Frame], start: int) -> str:
+    """The frames as JSON: label of the slider, the start (number of the frame to begin with), the
+    first frame whole, and of all frames what differs from it, so that ten of them are small.
+    """
+    first = frames[0].pixels[..., :3]
+    rows = [{"value": frame.value, "reading": frame.reading,
+             "picture": _uri(_difference(frame.pixels[..., :3], first))} for frame in frames]
+    book = {"label": label, "start": start, "width": first.shape[1], "height": first.shape[0],
+            "whole": _uri(_few_colours(first)), "frames": rows}
+    return json.dumps(book, ensure_ascii=False)
+
+
+def _few_colours(pixels: NDArray) -> Image.Image:
+    return Image.fromarray(np.ascontiguousarray(pixels), "RGB").quantize(
+        PALETTE, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).convert("RGB")
+
+
+def _difference(pixels: NDArray, first: NDArray) -> Image.Image:
+    """A picture that is transparent where it is as the first one."""
+    if pixels.shape != first.shape:
+        return _few_colours(pixels)
+    same = (pixels == first).all(axis=2)[..., None]
+    changed = np.asarray(_few_colours(np.where(same, np.uint8(255), pixels)))
+    seen = np.dstack([np.where(same, np.uint8(0), changed),
+                      np.where(same, np.uint8(0), np.uint8(255))])
+    return Image.fromarray(seen, "RGBA")
+
+
+def _uri(image: Image.Image) -> str:
+    stream = io.BytesIO()
+    image.save(stream, "webp", lossless=True, quality=80, method=4)
+    return "data:image/webp;base64," + base64.b64encode(stream.getvalue()).decode("ascii")

@@ -123,11 +123,13 @@ class Legs:
                      if leg.holds(eccentricity) and self._verdict_at(eccentricity, i) == "stable")
 
     def first(self, eccentricity: NDArray, local: NDArray) -> NDArray:
-        """1X along the eccentricity, µm 0-to-peak: a `Number`."""
+        """1X along the eccentricity, µm 0-to-peak, of local coefficients: a `Number`."""
         return UM * first_along(self.branch, local)
 
     def lines(self, number: Number, per_branch: int = 240) -> dict[str, tuple[NDArray, NDArray]]:
-        """For each verdict, eccentricity (%) and `number`, with nan between stretches."""
+        """For each verdict, eccentricity (%) and `number`, with nan between stretches; per_branch:
+        points.
+        """
         smooth = curve(self.branch)
         whole = smooth.at_points[-1] - smooth.at_points[0]
         pieces: dict[str, list] = {}
@@ -140,7 +142,8 @@ class Legs:
                 for word, found in pieces.items()}
 
     def dense(self, number: Number, per_leg: int = 300) -> tuple[NDArray, NDArray, NDArray]:
-        """Eccentricity (%), `number` and the leg (1 is the first), at many points of all legs."""
+        """Eccentricity (%), `number` and the leg (1 is the first), at per_leg points of each leg.
+        """
         smooth = curve(self.branch)
         ends = np.concatenate([[0.0], smooth.at_folds, smooth.at_points[-1:]])
         place = np.concatenate([np.linspace(*ends[i:i + 2], per_leg) for i in range(len(self.all))])

@@ -21,16 +21,17 @@ from matplotlib.lines import Line2D
 from threadpoolctl import threadpool_limits
 
 from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.explorers.flipbook import (
+from hydrolab.explorers.kept_figure import (
     FRAMES,
     MIME,
     Frame,
+    KeptFigure,
     flipbook,
     main_control,
+    quick_png,
     shown,
     slider_values,
 )
-from hydrolab.explorers.kept_figure import KeptFigure
 from hydrolab.figures.picture import Picture
 from hydrolab.figures.style import COLOURS, house_style, new_figure
 
@@ -165,7 +166,7 @@ class FigureExplorer(widgets.VBox):
         """Ask the view, and send its figure and its words in one message."""
         kept = self.view.kept
         reading, there = self._asked({name: c.value for name, c in self.controls.items()})
-        still, moving = kept.layers() if there else (kept.greyed(), b"")
+        still, moving = kept.layers() if there else (quick_png(kept.greyed()), b"")
         with self.image.hold_sync():
             self.image.reading, self.image.still, self.image.moving = reading, still, moving
 
@@ -181,7 +182,7 @@ class FigureExplorer(widgets.VBox):
         for value in slider_values(main, self.frames, self.initial[name]):
             reading, there = self._asked(self.initial | {name: value})
             frames.append(Frame(shown(main, value), reading,
-                                kept.png() if there else kept.greyed()))
+                                kept.pixels() if there else kept.greyed()))
         self.view.begin()
         self._show()
         start = [frame.value for frame in frames].index(shown(main, self.initial[name]))

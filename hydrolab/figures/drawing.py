@@ -1,5 +1,7 @@
 """Pieces that several figures share: an orbit with its sense of rotation, the gap, the smallest
 gap, limits.
+
+Here colour, line, width: as Matplotlib takes them. label: in the legend.
 """
 
 from __future__ import annotations
@@ -59,8 +61,8 @@ def about_mean(orbit: PeriodicOrbit) -> NDArray:
 
 
 def close_up(axes: Axes, title: str, path: NDArray, label: str, reach: float) -> None:
-    """A plane with a title that reaches so far, µm, and in wide grey, with a label, the path (2, n)
-    that another is compared with.
+    """A plane with a title and a reach, µm, and in wide grey, with a label, the path (2, n) that
+    another is compared with.
     """
     plane(axes, title)
     axes.set(xlabel="x, µm", ylabel="z, µm", adjustable="box", xlim=(-reach, reach),
@@ -155,7 +157,9 @@ def frame(axes: Axes, points: ArrayLike, margin: float = 0.12) -> None:
 
 
 def frame_gap(axes: Axes, centre: NDArray, gap: float) -> None:
-    """Set the limits around the whole gap, and put the legend where the circle leaves room."""
+    """Set the limits around the whole gap about its centre, m, and put the legend where the circle
+    leaves room.
+    """
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="center", bbox_to_anchor=tuple(MM * (centre - [0, 0.5 * gap])),
                     bbox_transform=axes.transData,

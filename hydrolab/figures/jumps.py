@@ -142,8 +142,8 @@ def integrity_picture(branch: Branch, found: Integrity,
 @house_style()
 def multipliers_picture(branch: Branch, stability: Sequence[Floquet], rows: Sequence[int],
                         count: int = 4) -> Picture:
-    """The leading Floquet multipliers of some rows of a branch, in the complex plane with the unit
-    circle.
+    """The leading Floquet multipliers, so many as count says, of some rows of a branch, in the
+    complex plane with the unit circle.
     """
     figure = new_figure(7.5, 6.5)
     axes = figure.subplots()
@@ -172,7 +172,7 @@ def map_picture(found: xarray.Dataset, quantity: str = "smallest_gap", *, x_scal
                 y_scale: float = 1.0, x_label: str = "", y_label: str = "") -> Picture:
     """One quantity of a map, with the line on which the first fold lies.
 
-    x_scale, y_scale: factors on the axes' SI values; the labels say the unit that results.
+    x_scale, y_scale: factors on the axes' SI values; x_label, y_label say the unit that results.
     """
     values, unit = found[quantity].values, found[quantity].attrs["units"]
     scale, unit = (MM, "mm") if unit == "m" else (100.0, "%")

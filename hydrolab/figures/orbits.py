@@ -88,8 +88,8 @@ def curve(branch: Branch) -> Curve:
 
 
 def stretches(branch_curve: Curve, words: Sequence[str]) -> list[tuple[str, float, float]]:
-    """Stretches of one verdict and their ends along the curve: at a fold between two points, else
-    half way.
+    """Stretches of one verdict, of the words of all points, and their ends along the curve: at a
+    fold between two points, else half way.
     """
     points, folds = branch_curve.at_points, branch_curve.at_folds
     found = [(words[0], points[0], points[-1])]

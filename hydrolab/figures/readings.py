@@ -48,8 +48,8 @@ def along(branch: Branch, coefficients: NDArray | None = None) -> NDArray:
 
 
 def first_along(branch: Branch, coefficients: NDArray | None = None) -> NDArray:
-    """1X along the eccentricity, m 0-to-peak, shape (points,); by default at the points of the
-    branch.
+    """1X along the eccentricity, m 0-to-peak, shape (points,); branch and coefficients as of
+    `along`.
     """
     first = branch.equations.revolutions
     return np.hypot(*along(branch, coefficients)[:, 2 * first - 1:2 * first + 1].T)
@@ -66,7 +66,7 @@ def followed(branch: Branch) -> str:
 
 
 def said(branch: Branch, value: float, digits: int = 3) -> str:
-    """A value of a branch's parameter in words, "8.8 %" of static eccentricity."""
+    """A value of a branch's parameter in words with so many digits, "8.8 %" of eccentricity."""
     if branch.parameter == "static_eccentricity":
         return percent(value, digits)
     if branch.parameter == "speed":
@@ -161,7 +161,7 @@ def trajectory_reading(trajectory: Trajectory) -> str:
 
 @reading.register
 def modes_reading(modes: Modes, shown: int = 4) -> str:
-    """The lowest modes: frequency, whirl and damping."""
+    """The lowest modes, so many as are shown: frequency, whirl and damping."""
     at = f"At {modes.speed * 30 / math.pi:.4g} rpm"
     lowest = [f"{hz:.2f} Hz ({way}, damping ratio {100 * ratio:.1f} %)" for hz, way, ratio in
               zip(modes.hertz[:shown], modes.direction, modes.damping_ratios, strict=False)]

@@ -3,6 +3,8 @@
 Seen from the side and from above: x is to the right, the depth y points down, and z points away
 from the reader, which an orthographic view from above turns into up. Displacements are exaggerated,
 by the same factor everywhere.
+
+factor: that factor. path: (2, …), m. name: of a body.
 """
 
 from __future__ import annotations

@@ -61,8 +61,8 @@ def house_style() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, inches, with its own Agg canvas: it works headless and pyplot never hears of
-    it.
+    """An empty figure, width by height inches, with its own Agg canvas: it works headless and
+    pyplot never hears of it.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
@@ -75,8 +75,8 @@ def eccentricity_colours(count: int) -> list[tuple[float, ...]]:
 
 
 def plane(axes: Axes, title: str = "") -> None:
-    """Make axes a view of the transverse plane from above: x to the right, z up, equal aspect, so
-    spin is clockwise.
+    """Make axes a view of the transverse plane from above, with a title: x to the right, z up,
+    equal aspect, so spin is clockwise.
     """
     axes.set_aspect("equal", adjustable="datalim")
     axes.set_xlabel("x, mm")

@@ -1,4 +1,7 @@
-"""`hydrolab show`: the machine in 3D on this computer, before a room, or as a file for later."""
+"""`hydrolab show`: the machine in 3D on this computer, before a room, or as a file for later.
+
+card, room, host, port, viewers, browser: what the command's options of these names say.
+"""
 
 from __future__ import annotations
 

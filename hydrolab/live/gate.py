@@ -6,6 +6,8 @@ an unknown control, a value of another type or outside the control's range, NaN,
 what is too large or too much closes that one connection. Nothing a client sends reaches the
 server's shared state, so the request for a public tunnel, which any client may make of viser, has
 no hearer.
+
+handle: a control of viser. host, origin: headers of a request.
 """
 
 from __future__ import annotations

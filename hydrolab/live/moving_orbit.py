@@ -1,5 +1,7 @@
 """The orbit that the 3D machine shows: solved along the branch as settings change, with words for
 what happens.
+
+Here leg: 0 is the first. field, unbalance: factors on the machine's own.
 """
 
 from __future__ import annotations

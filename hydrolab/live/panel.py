@@ -53,7 +53,7 @@ def room_words(step: Step) -> str:
 
 
 def presenter_words(sheet: RunSheet, place: int) -> str:
-    """What the presenter reads of a step beside its question: where it is in the sheet, what to do,
+    """What the presenter reads of a step beside its question: its place in the sheet, what to do,
     what is to be seen.
     """
     step = sheet.steps[place]

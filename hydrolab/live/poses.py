@@ -4,6 +4,8 @@ The scene has X = x, Y = z and Z up, so Z = −y: seen from above the spin is cl
 machine. One factor exaggerates displacements, tilts and the air gap: the stator is drawn with the
 radius R_s, the rotor with R_s − k·gap, so that they touch on the screen exactly where they touch in
 the machine.
+
+Here motion: of each station. stator_radius: m. factor: of exaggeration. side: which of the two.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ def show(what: Machine | PeriodicOrbit | Branch, machine: Machine | None = None,
 
 
 def nearest(what: PeriodicOrbit | Branch, scenes: list[dict[str, Any]]) -> dict[str, Any]:
-    """The scene whose eccentricity and mean place, in gaps, are nearest to an orbit's."""
+    """Of some scenes that whose eccentricity and mean place, in gaps, are nearest to an orbit's."""
     orbit = what[-1] if isinstance(what, Branch) else what
     place = np.array([orbit.static_eccentricity, *(orbit.mean / orbit.model.gap)])
     return min(scenes, key=lambda scene: float(np.linalg.norm(

@@ -1,5 +1,8 @@
 """The 3D machine as one HTML file that plays without a server and asks no other computer for
 anything; a run sheet as such a file, each step's recorded scene beside its words.
+
+Here progress: called with (done, all). turns: how many are recorded. static_eccentricity: a
+fraction of the gap. recordings: HTML.
 """
 
 from __future__ import annotations

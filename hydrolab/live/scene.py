@@ -77,7 +77,7 @@ def changed(settings: SceneSettings, wanted: Mapping[str, Any],
     """Settings with what is wanted, numbers clamped to their limits and the leg to the `legs` there
     are.
 
-    Raises BadInput for a name that is no setting or a value of another kind.
+    views: their names. Raises BadInput for a name that is no setting or a value of another kind.
     """
     return replace(settings, **{name: _accepted(settings, name, value, limits, views, legs)
                                 for name, value in wanted.items()})

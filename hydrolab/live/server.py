@@ -41,8 +41,8 @@ def open_server(host: str = "127.0.0.1", port: int | None = None, *, room: bool 
     again.
 
     host: an address of this computer. One that others can reach needs room=True. port: without one
-    the last port, 8080 or the next free one; 0 for any. viewers: how many may watch at once. Raises
-    BadInput for a host or a port on which this computer cannot listen.
+    the last port, 8080 or the next free one; 0 for any. viewers: how many may watch at once. label:
+    of the page. Raises BadInput for a host or a port on which this computer cannot listen.
     """
     global _open
     if isinstance(viewers, bool) or not isinstance(viewers, int) or not 1 <= viewers <= 1000:

@@ -1,4 +1,9 @@
-"""Solids of the 3D machine as vertices (V, 3) and triangles (F, 3), Z up, in metres."""
+"""Solids of the 3D machine as vertices (V, 3) and triangles (F, 3), Z up, in metres.
+
+Lengths in m, angles in rad. Here height, low, high: along Z. inner, outer, radius: from the axis.
+width, thickness: across. angle, start, end: about Z from X. steps, sides: how many faces a curve
+has.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,9 @@
 """What stands around the 3D machine: floor, axis, lights, views, names, and the orbit in its gap
 circle as an inset.
+
+Here aspect: width over height. path: of a node in the scene. lines, colours: of segments.
+thickness: in pixels. dark: whether the page is. gap, factor: drawn over real. slow_motion, shown:
+what the scene is set to.
 """
 
 from __future__ import annotations

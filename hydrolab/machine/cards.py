@@ -6,6 +6,8 @@ note = "…" }`; the note is optional. What a table may hold is read from the fi
 (`card_text`), edit it, and load it by its path. A card is data and nothing of it is ever executed.
 A bad card raises `BadInput` with everything that is wrong with it, a sentence a line, each with the
 key, its value and what is allowed.
+
+Here key: dotted, as in `card_keys`. table: what stands under it. value: in a unit.
 """
 
 from __future__ import annotations
@@ -116,14 +118,18 @@ class Reader:
         self.faults: list[Fault] = []
 
     def fail(self, key: str, sentence: str) -> None:
-        """Add a fault, with the value as the card states it where that is in another unit."""
+        """Add a fault, a sentence, with the value as the card states it where that is in another
+        unit.
+        """
         entry = self.entries.get(key)
         if entry is not None and entry.unit in CONVERTED:
             sentence = f"{sentence[:-1]}; the card says {shown(entry.value)} {entry.unit}."
         self.faults.append((key, sentence))
 
     def keys(self, key: str, table: Mapping, must: Mapping[str, str], may: list[str]) -> None:
-        """Find keys too many and too few. must: what the table needs, each with an example."""
+        """Find keys too many and too few. must: what the table needs, each with an example; may:
+        what it may have.
+        """
         where, known = key or "the card", list(dict.fromkeys([*must, *may]))
         for unknown in (k for k in table if k not in known):
             near = get_close_matches(str(unknown), known, 1)
@@ -231,7 +237,9 @@ class Reader:
 
 
 def in_si(key: str, value: Any, unit: str, factors: tuple[float, float], depth: int = 2) -> Any:
-    """A number or nested lists of numbers in a unit, in SI units; factors: as in `UNITS`."""
+    """A number or nested lists of numbers in a unit, in SI units; factors: as in `UNITS`; depth: of
+    lists.
+    """
     if isinstance(value, (list, tuple)) and depth:
         return [in_si(key, v, unit, factors, depth - 1) for v in value]
     return number(key, value, unit=unit if unit != "1" else "") * factors[0] / factors[1]

@@ -12,6 +12,9 @@ and 0 otherwise.
 The flexibility of the open crack is that of fracture mechanics (Dimarogonas and Paipetis 1983):
 each strip of the section is a plate with an edge crack in bending, with the stress intensity of
 Tada, Paris and Irwin.
+
+Here young: Pa. poisson: the ratio. radius: of the shaft, m. rigidity: EI, N m². length: m.
+flexibility: rad/(N m).
 """
 
 from __future__ import annotations

@@ -106,8 +106,8 @@ class GapShape(Part):
 
 
 def gap_shapes(side: str, bulges: Sequence[Bulge], name: str = "") -> tuple[GapShape, ...]:
-    """The parts of a shape of many orders, for `dataclasses.replace(machine, shapes=…)`; each is
-    named by its order.
+    """The parts of a shape of many orders on a side (stator or rotor) under a name, for
+    `dataclasses.replace(machine, shapes=…)`; each is named by its order.
     """
     return tuple(GapShape(f"{name or side} {b.order}", side, b.order, b.size, b.angle)
                  for b in bulges)

@@ -7,6 +7,9 @@ with the loads of `hydrolab.machine.loads` beside the unbalance.
 The first two of the nonlinear coordinates u = S q are the (x, z) of the generator's centre; the
 pull may have more (`air_gap_law`), and each nonlinear bearing and crack adds its own two. One plain
 law stays as it is, several go side by side.
+
+Here M, G, K: matrices, (size, size). per_node: DOFs of one. phase: Ωt, rad. speed: rad/s.
+static_eccentricity: a fraction of the gap. key: of a number of the card.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ KEPT = {1: (1, 1, 1), 3: (2, 0, 0), 5: (1, 0, 0)}
 
 
 def whole_size(w: NDArray, n: int) -> tuple[NDArray, NDArray]:
-    """a_n of the whole force at w = √(1 − ε²), and its derivative by w."""
+    """a_n, n the order, of the whole force at w = √(1 − ε²), and its derivative by w."""
     size = (1 + n * w) / (2 * w**3 * (1 + w) ** n)
     return size, size * (n / (1 + n * w) - 3 / w - n / (1 + w))
 

@@ -165,7 +165,7 @@ class Bulge:
 
 
 def outline(bulges: tuple[Bulge, ...], angle: NDArray) -> NDArray:
-    """By how much the radius is larger at gap angles (any shape), m."""
+    """By how much the radius is larger at each gap angle (any shape), m."""
     return sum((b.size * np.cos(b.order * (angle - b.angle)) for b in bulges),
                np.zeros(np.shape(angle)))
 

@@ -4,6 +4,9 @@ A part is a frozen dataclass over `Part` whose fields say what they hold, one li
 `mass: float = number_field("kg", "mass", above=0, example=(110, "t"))`. Checks, the tables of a
 card, its units, `vary`, what a machine prints and the list of all keys are read from that. Below
 are the checks themselves, each with a sentence, and the record of where a card's number comes from.
+
+Throughout key: the dotted key of a number. value: what was given for it. one: reads a single
+number.
 """
 
 from __future__ import annotations
@@ -92,7 +95,7 @@ class Held:
 
 
 def declare(held: Held, default: Any) -> Any:
-    """Return the dataclass field of a part that holds this."""
+    """Return the dataclass field of a part that holds this, by default what default says."""
     return field(default=default, metadata={"held": held})
 
 
@@ -114,13 +117,15 @@ def number_field(unit: str, meaning: str, *, example: Any, default: Any = MISSIN
 
 
 def text_field(meaning: str, example: str, default: Any = MISSING) -> Any:
-    """Declare a name; where it has a default, free text, kept on one line."""
+    """Declare a name, with its meaning and an example; where it has a default, free text, kept on
+    one line.
+    """
     return declare(Held(meaning, nickname, "text of 1 to 80 characters", example)
                    if default is MISSING else Held(meaning, prose, "text", example), default)
 
 
 def choice_field(meaning: str, *options: str, default: Any = MISSING, stated: bool = False) -> Any:
-    """Declare one of a few words."""
+    """Declare one of a few words, the options; meaning, default, stated: as in `number_field`."""
     def read(key: str, value: Any) -> str:
         if not isinstance(value, str) or value not in options:
             raise BadInput(f"{key} is {shown(value)}; it must be one of {', '.join(options)}.")
@@ -140,7 +145,7 @@ def flag_field(meaning: str) -> Any:
 
 
 def whole_field(meaning: str, example: int, **limits: Any) -> Any:
-    """Declare a count; limits: as `whole` takes them."""
+    """Declare a count, with its meaning and an example; limits: as `whole` takes them."""
     span = {"least": 0, **limits}
     words = f"a whole number {_span(span['least'], span.get('most', math.inf))}"
     return declare(Held(meaning, partial(whole, **span), words, example), MISSING)
@@ -160,7 +165,7 @@ def numbers_of(kind: type[Part]) -> dict[str, Held]:
 
 
 def dotted(key: str, name: str) -> str:
-    """The key of a field of the part with this key."""
+    """The key of the field of a name of the part with this key."""
     return f"{key}.{name}" if key else name
 
 
@@ -254,7 +259,8 @@ def number(key: str, value: Any, *, above: float = -math.inf, least: float = -ma
            below: float = math.inf, most: float = math.inf, unit: str = "", why: str = "") -> float:
     """Return value as a float, or say in a sentence why it is not allowed for this key.
 
-    above, below: limits it may not reach; least, most: limits it may. why: reason of the upper one.
+    above, below: limits it may not reach; least, most: limits it may. unit: for the sentence. why:
+    reason of the upper one.
     """
     unit = f" {unit}" if unit else ""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):

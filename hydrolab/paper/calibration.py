@@ -114,7 +114,7 @@ class Family:
 def build(free: Mapping[str, float], bearing_depth: float, unbalance: float,
           name: str = "kaplan") -> Machine:
     """The Kaplan unit of the paper with these free data, a bearing_depth of its guide bearing (m),
-    a sum of unbalances (kg m) and a name.
+    an unbalance (kg m, the sum of both) and a name.
 
     Twelve elements: shaft top to guide bearing, five to the thrust bearing, five to the turbine
     bearing, one to the end. Equal elements do not fit: bearings on their nodes would be at 0.75 or

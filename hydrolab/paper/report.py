@@ -100,7 +100,9 @@ def further_orbits(study: Study) -> list[dict[str, Any]]:
 
 def report(study: Study, claims: Iterable[Claim],
            family: dict[int, Any] | None = None) -> dict[str, Any]:
-    """The content of report.json. Axes and phases as in the README's conventions."""
+    """The content of report.json. Axes and phases as in the README's conventions. family: counts by
+    claim.
+    """
     check, beyond = study.check, study.beyond
     return {
         "schema": SCHEMA,
@@ -131,7 +133,7 @@ def report(study: Study, claims: Iterable[Claim],
 
 
 def claims_table(claims: Iterable[Claim], family: dict[int, Any] | None = None) -> Table:
-    """The claims beside what was computed."""
+    """The claims beside what was computed, and how the family agrees."""
     table = Table(title="The paper's claims, and what was computed", show_lines=True,
                   title_justify="left")
     table.add_column("", justify="right")
@@ -231,8 +233,8 @@ def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study")
 
 def summary(study: Study, claims: Sequence[Claim], pictures: dict[str, Any],
             out: Path) -> list[str]:
-    """What is said below the claims: how the percentages are stretched, each picture's reading, and
-    what was written where.
+    """What is said below the claims: how the percentages are stretched, the readings of pictures,
+    and what was written where.
     """
     lines = [f"• {picture.reading}" for picture in pictures.values()]
     if study.scale != 1:
@@ -260,7 +262,7 @@ def prepare(out: Path) -> None:
 
 
 def write(path: Path, content: dict[str, Any]) -> None:
-    """Write JSON whole or not at all."""
+    """Write a content as JSON, whole or not at all."""
     part = path.with_suffix(".part")
     part.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     part.replace(path)

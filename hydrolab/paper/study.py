@@ -238,8 +238,8 @@ def check_begin(begin: PeriodicOrbit, air: AirGap) -> None:
 
 
 def stable_steps(model: Model, speed: float) -> int:
-    """STEPS a revolution, doubled until central differences are stable: a bearing or a crack makes
-    a stiffer basis.
+    """STEPS a revolution at a speed (rad/s), doubled until central differences are stable: a
+    bearing or a crack makes a stiffer basis.
 
     Raises BadInput where that takes more than MOST_STEPS.
     """

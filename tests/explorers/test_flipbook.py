@@ -14,7 +14,7 @@ from PIL import Image
 from hydrolab.course.illustrations import gap_picture
 from hydrolab.errors import BadInput
 from hydrolab.explorers import Explorer
-from hydrolab.explorers.flipbook import (
+from hydrolab.explorers.kept_figure import (
     FRAMES,
     MIME,
     Frame,
@@ -23,7 +23,6 @@ from hydrolab.explorers.flipbook import (
     shown,
     slider_values,
 )
-from hydrolab.explorers.kept_figure import quick_png
 
 
 def image(uri):
@@ -45,10 +44,9 @@ def test_a_frame_over_the_first_one_is_the_picture():
     for k in range(3):
         pixels = still.copy()
         pixels[10 + 5 * k:20 + 5 * k, 10:30] = (0, 90 + 40 * k, 160, 255)
-        frames.append(Frame(str(k), f"frame {k}.", quick_png(pixels)))
+        frames.append(Frame(str(k), f"frame {k}.", pixels))
         drawn.append(pixels[..., :3].astype(int))
-    frames.append(Frame("3", "another size.",
-                        quick_png(random.integers(0, 9, (20, 30, 4), np.uint8))))
+    frames.append(Frame("3", "another size.", random.integers(0, 9, (20, 30, 4), np.uint8)))
     book = json.loads(flipbook("place", frames, 1))
     for k in range(3):
         assert abs(seen(book, k) - drawn[k]).max() <= 1
