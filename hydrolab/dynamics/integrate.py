@@ -390,9 +390,9 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
     speed: rad/s. static_eccentricity: fraction of the gap. ramp: revolutions over which the field
     rises from 0 to its full value. modes: size of the modal basis beside the static deflection
     under the pull and what `reduce` adds for a thousandth at this speed; None integrates all DOFs.
-    direction: gap angle of the stator offset, rad. start:
-    an orbit to begin on (at phase 0), or a trajectory of the same model and basis to go on from, at
-    the phase where it ended, whatever the speed. disturbance: a sideways displacement (x, z) of the
+    direction: gap angle of the stator offset, rad. start: an orbit to begin on (at phase 0), or a
+    trajectory of the same model and basis to go on from, at the phase where it ended, whatever the
+    speed. disturbance: a sideways displacement (x, z) of the
     generator, m, added to the start in the shape of the static deflection. progress: called after
     each revolution with (done, all), such as a bar of `hydrolab.progress`. Ends early at contact,
     where a step has no solution, or at an interrupt (Ctrl-C); what was computed is kept and
@@ -423,11 +423,7 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
     task = Task(small, speed, centre, ramp * period, lead)
     state = _first_state(model, small, speed, start)
     if any(disturbance):
-        generator = small.selection[:2]
-        static = np.linalg.solve(small.K, generator.T)
-        state = state + [static @ np.linalg.solve(generator @ static, disturbance),
-                         np.zeros(small.size)]
-
+        state = state + _displaced(small, disturbance)
     first = (np.array([begin]), (small.selection @ state[0])[:, None], state)
     blocks, stopped, interrupted = _moved(task, method, first, revolutions, progress)
     times, paths, states = zip(*blocks, strict=True)
@@ -435,6 +431,13 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
                       np.concatenate(paths, axis=1)[:2], states[-1],
                       stopped or f"It ran the {revolutions} revolutions asked for.", not stopped,
                       method, interrupted, lead)
+
+
+def _displaced(model: Model, by: tuple[float, float]) -> NDArray:
+    """The state in which the static deflection under a push has moved the generator so far, m."""
+    generator = model.selection[:2]
+    static = np.linalg.solve(model.K, generator.T)
+    return np.array([static @ np.linalg.solve(generator @ static, by), np.zeros(model.size)])
 
 
 def _moved(task: Task, method: Integrator, first: Block, revolutions: int,

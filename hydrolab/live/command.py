@@ -69,13 +69,7 @@ def show_command(card: str | None, *, room: bool, host: str | None, port: int | 
         Controls(server, scene, pin, run_sheet)
         scene.run()
         page = page_address(server, room_address() if address in WILDCARDS else None)
-        if pin:
-            print(f"{qr_code(page)}\nEveryone in this network can watch at {page}\n"
-                  "Presenter: open it too, unfold \"for the presenter\", and give the PIN "
-                  f"{pin.digits}")
-        else:
-            print(f"The machine in 3D is at {page}")
-        print("Stop with Ctrl-C.", flush=True)
+        print(f"{_welcome(page, pin)}\nStop with Ctrl-C.", flush=True)
         if browser and not room:
             webbrowser.open(page)
         threading.Event().wait()
@@ -87,6 +81,14 @@ def show_command(card: str | None, *, room: bool, host: str | None, port: int | 
     finally:
         close_server()
     return 0
+
+
+def _welcome(page: str, pin: Pin | None) -> str:
+    """Where the machine can be seen, and by whom it can be changed."""
+    if pin is None:
+        return f"The machine in 3D is at {page}"
+    return (f"{qr_code(page)}\nEveryone in this network can watch at {page}\nPresenter: open it "
+            f"too, unfold \"for the presenter\", and give the PIN {pin.digits}")
 
 
 def _record(machine: Machine, run_sheet: RunSheet | None, path: Path,

@@ -175,7 +175,7 @@ def run_study(machine: Machine, progress: Progress | None = None, *, revolutions
         method = CentralDifference(stable_steps(machine.model(), machine.speed))
         steady = steady_study(machine, progress)
         model, speed, branch = steady.model, steady.speed, steady.branch
-        stability = branch_stability(branch).points
+        stability = branch_stability(branch, locate=False).points
         tell("stability")(1, 1)
         # the check, and what happens past the fold
         check = integrate(model, method, speed=speed,
