@@ -4,7 +4,7 @@ A chapter writes `Explorer(view, name=slider, …)` over its own function from v
 or takes one of the library's, each in a module with its drawing and its reading: `eccentricity`,
 `moving_branch` and `past_fold` (steady states and jumps; a branch in `legs`), `arclength`, `aft`
 and `time_steps` (methods), `mesh` and `campbell` (the shaft), `tuning` (the calibration) and
-`diagnosis` (`guide` finds the bearing), `out_of_round` (the gap's shape).
+`diagnosis`, `out_of_round` (the gap's shape).
 
 `widget` puts controls beside a `View`, `kept_figure` draws quickly what moves and keeps frames for
 pages without a kernel. A new explorer is one module like these, and a line here.

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hydrolab.dynamics.modes import campbell, modes
-from hydrolab.explorers.guide import guides
+from hydrolab.explorers.legs import guides
 from hydrolab.explorers.widget import FigureExplorer, View, at_work, slider
 from hydrolab.figures.drawing import RPM
 from hydrolab.figures.readings import listed

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import ellipse
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.explorers.guide import guide_of, machine_with
+from hydrolab.explorers.legs import guide_of, machine_with
 from hydrolab.explorers.widget import FigureExplorer, View, at_work, choice, slider
 from hydrolab.figures.drawing import MM, UM, about_mean, close_up
 from hydrolab.figures.readings import microns

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from hydrolab.explorers.guide import machine_with
+from hydrolab.explorers.legs import machine_with
 from hydrolab.explorers.widget import FigureExplorer, View, at_work, whole
 from hydrolab.figures.drawing import PALE
 from hydrolab.figures.style import COLOURS

@@ -18,8 +18,7 @@ from hydrolab.dynamics.results import PeriodicOrbit, clearances
 from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.explorers.eccentricity import COARSE, FADED, FEW
-from hydrolab.explorers.guide import guide_of
-from hydrolab.explorers.legs import Legs, Number, legs_of
+from hydrolab.explorers.legs import Legs, Number, guide_of, legs_of
 from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, slider
 from hydrolab.figures.drawing import MM, draw_axis, nearest, round_up
 from hydrolab.figures.readings import listed, percent

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hydrolab.errors import BadInput
-from hydrolab.explorers.guide import machine_with
+from hydrolab.explorers.legs import machine_with
 from hydrolab.explorers.widget import FigureExplorer, View, at_work, choice, slider
 from hydrolab.figures.drawing import MM
 from hydrolab.figures.style import COLOURS

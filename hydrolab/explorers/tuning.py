@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hydrolab.dynamics.following import Arclength, follow
-from hydrolab.explorers.guide import guide_of, machine_with
+from hydrolab.explorers.legs import guide_of, machine_with
 from hydrolab.explorers.widget import FigureExplorer, View, at_work, slider
 from hydrolab.figures.drawing import UM
 from hydrolab.figures.readings import first_along
