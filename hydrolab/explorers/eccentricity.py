@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.harmonics import synthesise
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.explorers.legs import STEP, Diagram, Legs, legs_of
-from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, choice, slider
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, at_work, choice, slider
 from hydrolab.figures.drawing import (
     MM,
     REVOLUTION,
@@ -23,7 +24,7 @@ from hydrolab.figures.drawing import (
 )
 from hydrolab.figures.readings import orbit_reading, percent
 from hydrolab.figures.rotor import draw_bearings, rotor_stations
-from hydrolab.figures.style import COLOURS, house_style, new_figure, plane
+from hydrolab.figures.style import COLOURS, new_figure, plane
 from hydrolab.machine import Machine, load_machine
 
 COARSE = REVOLUTION[::4]  # phases at which a moving orbit is drawn
@@ -40,12 +41,26 @@ class EccentricityView(View):
     Where there is none it says so and leaves the last one in grey.
     """
 
+    @at_work()
     def __init__(self, machine: Machine, legs: Legs | None = None) -> None:
         self.machine, self.legs = machine, legs or legs_of(machine)
-        self.shape: list[Artist] = []
+        self.shape: list[Line2D] = []
         model = self.legs.branch.equations.model
         self.gap, self.contact = model.gap, contact_line(model)
-        self._draw()
+        self.kept = KeptFigure(new_figure(11.4, 5.5))
+        shaft = machine.shaft is not None
+        grid = self.kept.figure.add_gridspec(
+            2, 3 if shaft else 2, height_ratios=(1.25, 1),
+            width_ratios=(1.7, 1.1, 0.6) if shaft else (1.5, 1.3))
+        self._draw_plane(self.kept.figure.add_subplot(grid[:, 0]))
+        axes = self.kept.figure.add_subplot(grid[0, 1])
+        self.diagram = Diagram(axes, self.legs)
+        self.here = self.line(axes, "o", color=COLOURS["rotor"], markeredgecolor="white",
+                              markersize=11)
+        self.kept.moves(self.diagram.cursor)
+        self._draw_bars(self.kept.figure.add_subplot(grid[1, 1]))
+        if shaft:
+            self._draw_shaft(self.kept.figure.add_subplot(grid[:, 2]))
 
     @property
     def names(self) -> list[tuple[str, int]]:
@@ -57,31 +72,16 @@ class EccentricityView(View):
                          number))
         return said
 
-    @house_style()
-    def _draw(self) -> None:
-        """Everything that stands still, and the artists that move."""
-        figure = new_figure(11.4, 5.5)
-        shaft = self.machine.shaft is not None
-        grid = figure.add_gridspec(2, 3 if shaft else 2, height_ratios=(1.25, 1),
-                                   width_ratios=(1.7, 1.1, 0.6) if shaft else (1.5, 1.3))
-        moving = [*self._draw_plane(figure.add_subplot(grid[:, 0])),
-                  *self._draw_branch(figure.add_subplot(grid[0, 1])),
-                  *self._draw_bars(figure.add_subplot(grid[1, 1]))]
-        if shaft:
-            moving += self._draw_shaft(figure.add_subplot(grid[:, 2]))
-        self.kept = KeptFigure(figure, moving)
-
-    def _draw_plane(self, axes: Axes) -> list[Artist]:
+    def _draw_plane(self, axes: Axes) -> None:
         gap = MM * self.gap
         plane(axes, "Rotor centre in its gap")
         draw_axis(axes)
         axes.set(adjustable="box", xlim=(-1.12 * gap, 1.12 * gap), ylim=(-1.12 * gap, 1.12 * gap))
-        self.circle, = axes.plot([], [], color=COLOURS["stator"], linewidth=3.5)
-        self.stator, = axes.plot([], [], "x", color=COLOURS["stator"], markersize=8,
-                                 markeredgewidth=2)
-        self.path, = axes.plot([], [], color=COLOURS["rotor"], linewidth=2)
-        self.measure, = axes.plot([], [], color=COLOURS["axis"], linewidth=1.4, marker=".",
-                                  markersize=4)
+        self.circle = self.line(axes, color=COLOURS["stator"], linewidth=3.5)
+        self.stator = self.line(axes, "x", color=COLOURS["stator"], markersize=8,
+                                markeredgewidth=2)
+        self.path = self.line(axes, color=COLOURS["rotor"], linewidth=2)
+        self.measure = self.line(axes, ".-", color=COLOURS["axis"], linewidth=1.4, markersize=4)
         middle = {"ha": "center", "va": "center"}
         self.left = axes.annotate("", (0.08 * gap, 0.66 * gap), fontsize=15, **middle)
         self.none = axes.annotate("", (0.0, -0.72 * gap), fontsize=14, color=COLOURS["unstable"],
@@ -93,21 +93,14 @@ class EccentricityView(View):
         box.grid(False)
         box.spines[["top", "right"]].set_visible(True)
         box.set_title("about its mean", fontsize=11, pad=3)
-        self.large, = box.plot([], [], color=COLOURS["rotor"], linewidth=2.4)
-        self.now, = box.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white",
+        self.large = self.line(box, color=COLOURS["rotor"], linewidth=2.4)
+        self.now = self.line(box, "o", color=COLOURS["rotor"], markeredgecolor="white",
                              markersize=9)
         self.scale = box.text(0.5, -0.03, "", transform=box.transAxes, ha="center", va="top",
                               fontsize=11)
-        return [self.circle, self.stator, self.path, self.measure, self.large, self.now,
-                self.scale, self.left, self.none]
+        self.kept.moves(self.scale, self.left, self.none)
 
-    def _draw_branch(self, axes: Axes) -> list[Artist]:
-        self.diagram = Diagram(axes, self.legs)
-        self.here, = axes.plot([], [], "o", color=COLOURS["rotor"], markeredgecolor="white",
-                               markersize=11)
-        return [self.here, self.diagram.cursor]
-
-    def _draw_bars(self, axes: Axes) -> list[Artist]:
+    def _draw_bars(self, axes: Axes) -> None:
         places = np.arange(len(PARTS))
         axes.set(yscale="log", ylim=(LEAST, MOST), xlim=(-0.6, len(PARTS) - 0.4),
                  ylabel="µm (0-to-peak)", title="Mean and harmonics")
@@ -118,9 +111,9 @@ class EccentricityView(View):
                                     color=COLOURS[name], label=name)
                      for name, side in (("x", -1), ("z", 1))}
         axes.legend(loc="upper right", ncols=2, fontsize=11)
-        return [bar for bars in self.bars.values() for bar in bars]
+        self.kept.moves(*chain(*self.bars.values()))
 
-    def _draw_shaft(self, axes: Axes) -> list[Artist]:
+    def _draw_shaft(self, axes: Axes) -> None:
         branch = self.legs.branch
         orbits = [branch[i] for leg in self.legs.all for i in range(*leg.rows.indices(len(branch)))]
         x = MM * np.array([_extent(rotor_stations(self.machine, o)[1]) for o in orbits[::3]])
@@ -131,22 +124,20 @@ class EccentricityView(View):
                  title="Shaft: depth, m", xlabel="x, mm")
         axes.axvline(0, color=COLOURS["axis"], linestyle="-.", linewidth=1.2)
         draw_bearings(axes, self.machine, 0.05 * wide)
-        self.mean, = axes.plot([], [], color=COLOURS["mean"], linewidth=2.6, label="mean")
-        self.ends = [axes.plot([], [], color=COLOURS["rotor"], linewidth=1.2, label=words)[0]
+        self.mean = self.line(axes, color=COLOURS["mean"], linewidth=2.6, label="mean")
+        self.ends = [self.line(axes, color=COLOURS["rotor"], linewidth=1.2, label=words)
                      for words in ("reach", "")]
-        self.bodies, = axes.plot([], [], "o", color=COLOURS["rotor"], markersize=7)
+        self.bodies = self.line(axes, "o", color=COLOURS["rotor"], markersize=7)
         self.shape = [self.mean, *self.ends, self.bodies]
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 0.04), fontsize=10, handlelength=1.0,
                     borderpad=0.3)
-        return self.shape
 
     def __call__(self, eccentricity: float, leg: int = 1) -> str:
         """Show the steady state at an eccentricity (%) on a leg (1 is the first); return the
         reading.
         """
         self.diagram.cursor.set_xdata([eccentricity, eccentricity])
-        with threadpool_limits(1):
-            orbit = self.legs.orbit(eccentricity / 100, leg - 1)
+        orbit = self.legs.orbit(eccentricity / 100, leg - 1)
         if orbit is None:
             self._fade(f"leg {leg}: none at {percent(eccentricity / 100)}")
             return self._nothing(eccentricity / 100, leg)
@@ -173,9 +164,8 @@ class EccentricityView(View):
     def _fade(self, words: str) -> None:
         for artist in (self.path, self.large, self.now, self.here, self.measure, *self.shape):
             artist.set_color(FADED)
-        for bars in self.bars.values():
-            for bar in bars:
-                bar.set_facecolor(FADED)
+        for bar in chain(*self.bars.values()):
+            bar.set_facecolor(FADED)
         self.none.set_text(words)
         self.left.set_text("")
 

@@ -8,7 +8,6 @@ titles are those of the machine at hand.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +17,6 @@ from hydrolab.dynamics.harmonic_balance import orbit_from
 from hydrolab.dynamics.harmonics import PERIOD, ellipse, self_crossings, synthesise
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
 from hydrolab.dynamics.solvers import newton
-from hydrolab.dynamics.stability import Floquet
 from hydrolab.figures.drawing import (
     MM,
     REVOLUTION,
@@ -80,7 +78,7 @@ def quoted(study: SteadyStudy, percentage: float) -> str:
     return percent(study.eccentricity(percentage))
 
 
-def validation(study: Study) -> tuple[NDArray, NDArray, NDArray]:
+def _validation(study: Study) -> tuple[NDArray, NDArray, NDArray]:
     """Times (s) of the last three revolutions of the check, integrated positions, and harmonic
     balance there, m.
     """
@@ -88,9 +86,8 @@ def validation(study: Study) -> tuple[NDArray, NDArray, NDArray]:
     return times, path, study.orbits[VALIDATION].positions(study.speed * times)
 
 
-def figure_3_reading(study: Study) -> str:
-    """How far the two orbits are apart, and the smallest gap."""
-    _, path, balance = validation(study)
+def _reading_3(study: Study) -> str:
+    _, path, balance = _validation(study)
     orbit = study.orbits[VALIDATION]
     apart, size = float(np.hypot(*(balance - path)).max()), orbit.vibration
     stopped = "" if study.check.finished else f" {study.check.stopped}"
@@ -101,9 +98,8 @@ def figure_3_reading(study: Study) -> str:
             f"gap is {MM * orbit.smallest_gap:.3f} mm of {MM * study.model.gap:.3f} mm.{stopped}")
 
 
-def figure_4_reading(study: Study) -> str:
-    """How far x(t) and z(t) of the two methods are apart."""
-    times, path, balance = validation(study)
+def _reading_4(study: Study) -> str:
+    times, path, balance = _validation(study)
     apart, swing = np.abs(balance - path).max(axis=1), np.ptp(balance, axis=1)
     turns = (times[-1] - times[0]) * study.speed / (2 * math.pi)
     return (f"Over the last {turns:.0f} revolutions at {quoted(study, VALIDATION)} static "
@@ -112,8 +108,7 @@ def figure_4_reading(study: Study) -> str:
             f"{microns(apart[0])} in x and {microns(apart[1])} in z.")
 
 
-def figure_5_reading(study: SteadyStudy) -> str:
-    """How mean, 1X and 2X grow on the first leg."""
+def _reading_5(study: SteadyStudy) -> str:
     branch, start, end = study.branch, study.orbits[0.0], study.orbits[8.9]
     marks = [f"{microns(study.orbits[p].amplitudes[0, 0])} at {quoted(study, p)}"
              for p in (0.0, 4.0, 8.0, 8.9)]
@@ -126,8 +121,7 @@ def figure_5_reading(study: SteadyStudy) -> str:
             f"1X at {quoted(study, 4.0)} and {second[1]:.1f} % at {quoted(study, 8.9)}.")
 
 
-def figure_6_reading(study: SteadyStudy) -> str:
-    """How far the orbit travels, how round it is, and where it has a loop."""
+def _reading_6(study: SteadyStudy) -> str:
     orbits = [study.orbits[p] for p in EVOLUTION]
     ratios = [f"{ellipse(study.orbits[p].coefficients).ratio:.2f} at {quoted(study, p)}"
               for p in (0.0, 5.0, 7.0, 8.9)]
@@ -140,8 +134,7 @@ def figure_6_reading(study: SteadyStudy) -> str:
             f"ellipse have the ratio {listed(ratios)}; {loops}.")
 
 
-def figure_7_reading(study: SteadyStudy) -> str:
-    """The mean bend and the largest 1X over the whole rotor."""
+def _reading_7(study: SteadyStudy) -> str:
     said = []
     for p in ROTOR:
         orbit = study.orbits[p]
@@ -165,8 +158,7 @@ def outcome(trajectory: Trajectory) -> str:
     return "the motion stays in the gap and does not repeat"
 
 
-def figure_8_reading(study: Study, stability: Sequence[Floquet]) -> str:
-    """Folds, stability, and what integration finds beyond the last orbit that the paper shows."""
+def _reading_8(study: Study) -> str:
     branch = study.branch
     folds = [percent(fold.value, 4) for fold in branch.folds]
     turns = (f"The branch folds at {listed(folds)} static eccentricity" if folds
@@ -180,14 +172,14 @@ def figure_8_reading(study: Study, stability: Sequence[Floquet]) -> str:
         states = "it has no steady state"
     else:
         states = "nothing is known of it, for it was followed no further"
-    return (f"{turns}; {stability_sentence(branch, stability)}. At {quoted(study, BEYOND)} "
+    return (f"{turns}; {stability_sentence(branch, study.stability)}. At {quoted(study, BEYOND)} "
             f"{states}; started there on the {quoted(study, 8.9)} orbit, {outcome(study.beyond)}.")
 
 
 @house_style()
 def figure_3(study: Study) -> Picture:
     """Orbits at 8.8 %: harmonic balance, and the three last periods of direct integration."""
-    _, path, balance = validation(study)
+    _, path, balance = _validation(study)
     orbit = study.orbits[VALIDATION]
     figure = new_figure(12, 6)
     near, far = figure.subplots(1, 2, width_ratios=(1.6, 1))
@@ -204,13 +196,13 @@ def figure_3(study: Study) -> Picture:
     draw_gap(far, orbit.centre, study.model)
     draw_orbit(far, around, COLOURS["harmonic balance"], sense=False)
     frame_gap(far, orbit.centre, study.model.gap)
-    return Picture(figure, figure_3_reading(study))
+    return Picture(figure, _reading_3(study))
 
 
 @house_style()
 def figure_4(study: Study) -> Picture:
     """x(t) and z(t) over the last three periods by both methods, and what is between them."""
-    times, path, balance = validation(study)
+    times, path, balance = _validation(study)
     figure = new_figure(12, 8)
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(1.2, 1.2, 1))
     for axes, name, b, p in zip((top, middle), "xz", balance, path, strict=True):
@@ -223,16 +215,14 @@ def figure_4(study: Study) -> Picture:
         bottom.plot(times, UM * (b - p), line, color=COLOURS[name], linewidth=1.8,
                     label=f"difference in {name}")
     largest = 1.15 * UM * float(np.abs(balance - path).max()) or 1.0
-    bottom.set_ylim(-largest, largest)
-    bottom.set_ylabel("difference, µm")
-    bottom.set_xlabel("time, s")
-    bottom.set_xlim(times[0], times[-1])
+    bottom.set(xlabel="time, s", ylabel="difference, µm", xlim=(times[0], times[-1]),
+               ylim=(-largest, largest))
     figure.suptitle(f"Rotor centre at {quoted(study, VALIDATION)} static eccentricity, last three "
                     "revolutions")
     for axes in (top, bottom):
         axes.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0.2)
     figure.align_ylabels()
-    return Picture(figure, figure_4_reading(study))
+    return Picture(figure, _reading_4(study))
 
 
 def first_leg(study: SteadyStudy) -> list[PeriodicOrbit]:
@@ -281,14 +271,13 @@ def figure_5(study: SteadyStudy) -> Picture:
     for axes in panels[:, 0]:
         axes.set_ylabel("mean and amplitudes, µm (0-to-peak)")
     panels[0, 0].set_ylim(bottom=0)
-    panels[1, 0].set_yscale("log")
+    panels[1, 0].set(yscale="log", ylim=(SMALLEST_SHOWN, 3 * panels[0, 0].get_ylim()[1]))
     panels[1, 0].yaxis.set_major_formatter("{x:g}")
-    panels[1, 0].set_ylim(SMALLEST_SHOWN, 3 * panels[0, 0].get_ylim()[1])
     panels[0, 0].set_xlim(0, 1.02 * eccentricity[-1])
     figure.supxlabel("static eccentricity, % of the gap"
                      + (" (line: first fold)" if study.branch.folds else ""))
     panels[0, 0].legend(loc="upper left")
-    return Picture(figure, figure_5_reading(study))
+    return Picture(figure, _reading_5(study))
 
 
 @house_style()
@@ -321,12 +310,11 @@ def figure_6(study: SteadyStudy) -> Picture:
         plane(axes, quoted(study, p))
         draw_orbit(axes, path, colour)
         axes.set_aspect("equal", adjustable="box")
-        axes.set_xlim(-WIDE * height, WIDE * height)
-        axes.set_ylim(-height, height)
         axes.label_outer()
-        axes.set_xlabel("x − mean, mm" if axes in small[1] else "")
-        axes.set_ylabel("z − mean, mm" if axes in small[:, 0] else "")
-    return Picture(figure, figure_6_reading(study))
+        axes.set(xlim=(-WIDE * height, WIDE * height), ylim=(-height, height),
+                 xlabel="x − mean, mm" if axes in small[1] else "",
+                 ylabel="z − mean, mm" if axes in small[:, 0] else "")
+    return Picture(figure, _reading_6(study))
 
 
 @house_style()
@@ -343,8 +331,8 @@ def figure_7(study: SteadyStudy) -> Picture:
     factor = exaggeration(paths, length)
     x, y = on_page(np.moveaxis(paths, -2, 0), depths[:, None], factor)
     half_width = 0.03 * MM * length / factor
-    left, right = min(x.min(), -2 * half_width) - half_width, max(x.max(),
-                                                                  2 * half_width) + half_width
+    left = min(x.min(), -2 * half_width) - half_width
+    right = max(x.max(), 2 * half_width) + half_width
     top, bottom = y.min() - 0.04 * length, y.max() + 0.04 * length
     # width over height of a panel
     slender = (right - left) * factor / MM / ((bottom - top) * math.cos(ELEVATION))
@@ -352,14 +340,12 @@ def figure_7(study: SteadyStudy) -> Picture:
     figure = new_figure(4 * slender * height + BESIDE, height + ABOVE)
     panels = figure.subplots(1, 4, sharex=True, sharey=True)
     for axes, p in zip(panels, ROTOR, strict=True):
-        axes.set_xlim(left, right)
-        axes.set_ylim(bottom, top)
+        axes.set(xlim=(left, right), ylim=(bottom, top), xlabel="x, mm",
+                 title=f"{quoted(study, p)} eccentricity")
         axes.set_aspect(math.cos(ELEVATION) * MM / factor, adjustable="box")
-        axes.set_title(f"{quoted(study, p)} eccentricity")
         axes.grid(axis="y", visible=False)
         draw_bearings(axes, study.machine, half_width)
         draw_rotor(axes, study.machine, study.orbits[p], factor)
-        axes.set_xlabel("x, mm")
     panels[0].set_ylabel("depth y, m (down)")
     draw_z(panels[0], left + 0.22 * (right - left), bottom - 0.2 * length, factor,
            float(np.abs(paths).max()))
@@ -367,7 +353,7 @@ def figure_7(study: SteadyStudy) -> Picture:
     figure.suptitle(f"The rotor, seen from the side and above; displacements drawn {factor:.0f} "
                     "times as large")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    return Picture(figure, figure_7_reading(study))
+    return Picture(figure, _reading_7(study))
 
 
 def orbits_only(study: SteadyStudy) -> Picture:
@@ -386,33 +372,30 @@ def orbits_only(study: SteadyStudy) -> Picture:
         frame(axes, everything, 0.08)
         axes.label_outer()
     figure.suptitle("Orbits of the point mass (+: bearing axis)")
-    return Picture(figure, figure_7_reading(study))
+    return Picture(figure, _reading_7(study))
 
 
 @house_style()
-def figure_8(study: Study, stability: Sequence[Floquet] | None = None) -> Picture:
+def figure_8(study: Study) -> Picture:
     """The whole branch with its stability, and what direct integration finds just beyond the
     paper's last orbit.
-
-    stability: of every point of the branch; by default the study's.
     """
-    stability = study.stability if stability is None else stability
     figure = new_figure(14, 8)
     panels = figure.subplot_mosaic([["branch", "gap"], ["branch", "orbit"]], width_ratios=(1, 1.05),
                                    height_ratios=(1, 1.35))
-    _draw_folds(panels["branch"], study, stability)
+    _draw_folds(panels["branch"], study)
     _draw_gap_left(panels["gap"], study)
     _draw_motion(panels["orbit"], study)
     named = {label: handle for key in ("orbit", "branch")
              for handle, label in zip(*panels[key].get_legend_handles_labels(), strict=True)}
     figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=4)
-    return Picture(figure, figure_8_reading(study, stability))
+    return Picture(figure, _reading_8(study))
 
 
-def _draw_folds(axes: Axes, study: Study, stability: Sequence[Floquet]) -> None:
+def _draw_folds(axes: Axes, study: Study) -> None:
     """1X over the eccentricity, from a little before everything that lies past the first fold."""
     branch = study.branch
-    draw_branch(axes, branch, lambda c: first_along(branch, c), stability)
+    draw_branch(axes, branch, lambda c: first_along(branch, c), study.stability)
     last = study.natural[len(study.natural) - 1]
     axes.plot(100 * last.static_eccentricity, UM * last.amplitudes[0, 0], "s", markersize=9,
               color=COLOURS["harmonic balance"], markeredgecolor="black", zorder=6,
@@ -420,11 +403,10 @@ def _draw_folds(axes: Axes, study: Study, stability: Sequence[Floquet]) -> None:
     axes.axvline(100 * study.eccentricity(BEYOND), color=COLOURS["stator"], linewidth=1.4, zorder=0)
     later = 100 * branch.static_eccentricity[branch.first_leg.stop:]
     left = later.min() - 0.8 * np.ptp(later) if len(later) else 0.0
-    axes.set_xlim(left=max(0.0, left))
-    axes.set_ylim(bottom=0)
-    axes.set_xlabel(f"static eccentricity, % of the gap (line: {quoted(study, BEYOND)})")
-    axes.set_ylabel("1X amplitude in x, µm (0-to-peak)")
-    axes.set_title("The branch past its folds" if branch.folds else "The branch")
+    axes.set(xlim=(max(0.0, left), None), ylim=(0, None),
+             xlabel=f"static eccentricity, % of the gap (line: {quoted(study, BEYOND)})",
+             ylabel="1X amplitude in x, µm (0-to-peak)",
+             title="The branch past its folds" if branch.folds else "The branch")
 
 
 def _draw_gap_left(axes: Axes, study: Study) -> None:
@@ -438,13 +420,11 @@ def _draw_gap_left(axes: Axes, study: Study) -> None:
     gap = MM * study.model.law.smallest_gap(place, study.speed * beyond.times[shown])
     axes.plot(turns[shown], gap, color=COLOURS["integration"], linewidth=1.4)
     axes.axhline(0, color=COLOURS["stator"], linewidth=5)
-    axes.set_xlim(0, turns[shown][-1])
-    axes.set_ylim(0, 1.1 * gap.max())
     cut = turns[-1] > turns[shown][-1]
-    axes.set_xlabel(f"revolutions, the first {SHOWN} of {beyond.revolutions:.0f}" if cut
-                    else "revolutions")
-    axes.set_ylabel("smallest gap, mm")
-    axes.set_title(f"Started at {quoted(study, BEYOND)} on the {quoted(study, 8.9)} orbit")
+    axes.set(xlim=(0, turns[shown][-1]), ylim=(0, 1.1 * gap.max()), ylabel="smallest gap, mm",
+             xlabel=f"revolutions, the first {SHOWN} of {beyond.revolutions:.0f}" if cut
+             else "revolutions",
+             title=f"Started at {quoted(study, BEYOND)} on the {quoted(study, 8.9)} orbit")
 
 
 def _draw_motion(axes: Axes, study: Study) -> None:
