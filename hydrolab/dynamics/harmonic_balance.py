@@ -255,8 +255,7 @@ def condense(model: Model, speed: float, harmonics: int, samples: int, revolutio
         synthesis=synthesis, analysis=analysis, products=products(synthesis),
         phase=revolutions * turn, rate=rate,
         rate_products=products(rate if model.law.moving else rate[:0]),
-        recovery=recovery, shaft_linear=amplitudes, revolutions=revolutions,
-    )
+        recovery=recovery, shaft_linear=amplitudes, revolutions=revolutions)
 
 
 @dataclass(frozen=True)

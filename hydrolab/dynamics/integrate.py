@@ -392,12 +392,12 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
     under the pull and what `reduce` adds for a thousandth at this speed; None integrates all DOFs.
     direction: gap angle of the stator offset, rad. start: an orbit to begin on (at phase 0), or a
     trajectory of the same model and basis to go on from, at the phase where it ended, whatever the
-    speed. disturbance: a sideways displacement (x, z) of the
-    generator, m, added to the start in the shape of the static deflection. progress: called after
-    each revolution with (done, all), such as a bar of `hydrolab.progress`. Ends early at contact,
-    where a step has no solution, or at an interrupt (Ctrl-C); what was computed is kept and
-    `stopped` says what happened. Raises BadInput for arguments outside what is allowed, among them
-    a step beyond the stability limit and a start from another machine.
+    speed. disturbance: a sideways displacement (x, z) of the generator, m, added to the start in
+    the shape of the static deflection. progress: called after each revolution with (done, all),
+    such as a bar of `hydrolab.progress`. Contact, a step without a solution or an interrupt
+    (Ctrl-C) ends it early; what was computed is kept and `stopped` says what happened. Raises
+    BadInput for what is not allowed, such as a step beyond the stability limit and a start from
+    another machine.
     """
     require_model(model)
     speed = turning(speed)

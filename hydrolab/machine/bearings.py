@@ -450,8 +450,8 @@ ENTRIES = ("xx", "xz", "zx", "zz")
 
 
 def fours(one: Read, key: str, value: Any) -> NDArray:
-    """Return rows of four numbers, xx, xz, zx and zz, (rows, 4); one number in a row stands for an
-    isotropic bearing.
+    """Return the value of a key as rows of four numbers, xx, xz, zx and zz, (rows, 4); one number
+    in a row stands for an isotropic bearing.
     """
     if isinstance(value, (str, Mapping)) or not np.iterable(value):
         raise BadInput(f"{key} is {shown(value)}; it must be a list of rows [xx, xz, zx, zz].")

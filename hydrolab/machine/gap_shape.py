@@ -235,7 +235,7 @@ def _column(name: str, header: list[str], kind: str) -> tuple[int, float]:
 
 
 def csv_value(name: str, line: int, column: str, row: list[str], at: int) -> float:
-    """One number of a row."""
+    """The number at a place of a row, which is a line of the file of a name, under a column."""
     if at >= len(row):
         raise BadInput(f"{name} line {line} has {len(row)} values; there is none for {column}.")
     try:
