@@ -393,11 +393,10 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
     direction: gap angle of the stator offset, rad. start: an orbit to begin on (at phase 0), or a
     trajectory of the same model and basis to go on from, at the phase where it ended, whatever the
     speed. disturbance: a sideways displacement (x, z) of the generator, m, added to the start in
-    the shape of the static deflection. progress: called after each revolution with (done, all),
-    such as a bar of `hydrolab.progress`. Contact, a step without a solution or an interrupt
-    (Ctrl-C) ends it early; what was computed is kept and `stopped` says what happened. Raises
-    BadInput for what is not allowed, such as a step beyond the stability limit and a start from
-    another machine.
+    the shape of the static deflection. progress: called after each revolution with (done, all), as
+    `hydrolab.progress` takes it. Contact, a step without a solution or an interrupt (Ctrl-C) ends
+    it early; what was computed is kept and `stopped` says what happened. Raises BadInput for what
+    is not allowed, such as a step beyond the stability limit and a start from another machine.
     """
     require_model(model)
     speed = turning(speed)

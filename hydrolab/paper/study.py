@@ -129,7 +129,7 @@ def scale_of(limit: float) -> float:
 
 
 def steady_study(machine: Machine, progress: Progress | None = None) -> SteadyStudy:
-    """The steady states of the study on a machine at its rated speed; arguments and errors as of
+    """The steady states of the study on a machine at its rated speed; progress and errors as of
     `run_study`.
     """
     tell = telling(progress)
