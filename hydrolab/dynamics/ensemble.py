@@ -2,9 +2,10 @@
 
 The linear rotor with its unbalance and the slope of the pull at rest is advanced exactly, by the
 exponential of its constant matrix about its own steady response. What that linear pull misses acts
-as a kick on the velocities in the middle of each step (Strang 1968). Second order in the step, no
-stability limit, and one small matrix product moves thousands of motions. Stator, field and
-unbalance may be each motion's own and may move in time, which is a kick as well.
+as a kick on the velocities in the middle of each step (Strang 1968). Second order in the step, and
+one small matrix product moves thousands of motions. Forces that are stiff beside the step (pads, a
+crack) or damp (a film) are solved for at the end of each step instead, by the trapezoidal rule,
+which has no stability limit. Stator, field and unbalance may be each motion's own and may move.
 
 Which steady state does the rotor end in? `basins` starts it off one of them everywhere.
 
@@ -17,7 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -27,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from hydrolab.dynamics.reduction import reduce
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.errors import BadInput
+from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 from hydrolab.machine.quantities import whole
 
@@ -62,10 +63,11 @@ class Split:
 
     constant: matrix of the linear part, (2r, 2r). watch, watch_rate: the c nonlinear coordinates of
     a state and their velocities, (c, 2r); the generator's (x, z) are first. push: change of a state
-    by a unit impulse on them, (2r, c). slope: that of the forces at rest, in the linear part, N/m,
+    by a unit impulse on them, (2r, c). slope: that of the pull at rest, in the linear part, N/m,
     (c, c). shake: change of a state's rate by the unbalance at phase φ, Re(shake e^{iφ}), and
     turning: the linear response to it, (2r,) complex. static: that to the stator's centre, (2r, 2).
-    loaded: that to the model's other loads, mean and 1X, (2r, 2) complex.
+    loaded: that to the model's other loads, mean and 1X, (2r, 2) complex. implicit: whether forces
+    are solved for at the end of a step, not applied as kicks.
     """
 
     model: Model
@@ -79,6 +81,7 @@ class Split:
     turning: NDArray
     static: NDArray
     loaded: NDArray
+    implicit: bool = False
 
     def under_loads(self, phases: NDArray) -> NDArray:
         """The linear steady response to all loads but the unbalance at phases, (2r, phases)."""
@@ -106,7 +109,8 @@ def split(model: Model, speed: float, modes: int = 12, *, checked: bool = False)
     small = reduce(model, modes, gyroscopic=True, speed=speed if checked else None)
     r, inverse = small.size, np.linalg.inv(small.M)
     rest = np.zeros(len(small.selection))
-    slope = small.law.linearise(rest, rest, 0.0, speed)[1]
+    slope = np.zeros((len(rest), len(rest)))  # of the pull: bearings and cracks keep their springs
+    slope[:2, :2] = small.law.linearise(rest, rest, 0.0, speed)[1][:2, :2]
     stiffness = small.K - small.selection.T @ slope @ small.selection
     velocity = small.velocity_matrix(speed)
     constant = np.block([[np.zeros((r, r)), np.eye(r)],
@@ -129,28 +133,33 @@ def split(model: Model, speed: float, modes: int = 12, *, checked: bool = False)
 
 
 STIFF = 0.1  # largest stiffness of a kick times the square of the step, over the mass moved
+ROUGH = 1e-3  # of the gap: most that a period on an orbit may change with twice the steps
 
 
 def split_for(orbit: PeriodicOrbit, steps: int, modes: int) -> Split:
-    """The split for motions around an orbit, of `steps` steps in a revolution.
+    """The split for motions around an orbit, of `steps` steps in a revolution: kicks for forces of
+    place and phase, implicit for those that damp or are stiff beside the step.
 
-    Raises BadInput where kicks would not do: for a force that depends on the velocity, or one that
-    is stiff beside the step (a bearing, a crack).
+    Raises BadInput where a period from the orbit is not known to `ROUGH` with these steps.
     """
     whole("steps", steps, 8)
     system = split(orbit.model, orbit.speed, modes, checked=True)
     phases = 2 * math.pi * np.arange(64 * orbit.revolutions) / 64
     place = orbit.model.relative(orbit.coordinates(phases), orbit.centre[:, None])
     _, slope, damping = orbit.model.law.linearise(place, 0 * place, phases, orbit.speed)
-    if damping is not None:
-        raise BadInput(f"{orbit.model.name} has a force that depends on the velocity; many motions "
-                       "at once are made for forces of place and phase. Use `integrate`.")
     kicks = (system.watch_rate @ system.push) @ (slope.transpose(2, 0, 1) - system.slope)
-    stiff = np.abs(np.linalg.eigvals(kicks)).max() * (2 * math.pi / orbit.speed) ** 2
-    if stiff > STIFF * steps**2:
-        raise BadInput(f"steps is {steps}; forces of {orbit.model.name} that are not linear are "
-                       f"so stiff that it takes {math.ceil(math.sqrt(stiff / STIFF))} steps in a "
-                       "revolution. Use as many, or `integrate`.")
+    stiff = np.abs(np.linalg.eigvals(kicks)).max() * (2 * math.pi / orbit.speed / steps) ** 2
+    system = replace(system, implicit=damping is not None or bool(stiff > STIFF))
+    begin, setting = system.state(orbit)[:, None], Setting(orbit.centre[:, None])
+    once, twice = (advance(system, begin, setting, orbit.revolutions, n).states
+                   for n in (steps, 2 * steps))
+    away = float(np.abs(system.watch[:2] @ (once - twice)).max()) / orbit.model.length_scale
+    if not away <= ROUGH:
+        enough = (f" Use {math.ceil(steps * math.sqrt(away / ROUGH))}, or `integrate`."
+                  if math.isfinite(away) else " Use more, or `integrate`.")
+        raise BadInput(f"steps is {steps}; a motion of {orbit.model.name} over a period of the "
+                       f"orbit is then known to {100 * away:.2g} % of the gap, and it takes "
+                       f"{100 * ROUGH:g} %.{enough}")
     return system
 
 
@@ -171,6 +180,8 @@ def turn(system: Split, states: NDArray, course: Course, first: float, steps: in
     end, and the time at which each touched, nan where it did not; the state of one that touched
     means nothing.
     """
+    if system.implicit:
+        return _turn_implicitly(system, states, course, first, steps, members)
     flow, half = flows(system, steps)
     h = 2 * math.pi / system.speed / steps
     phases = 2 * math.pi * (np.arange(steps) + 0.5) / steps
@@ -201,6 +212,87 @@ def turn(system: Split, states: NDArray, course: Course, first: float, steps: in
                             here.unbalance - base.unbalance)
         now = (flow if n < steps - 1 else half) @ now
     return now + response, contact
+
+
+def _turn_implicitly(system: Split, states: NDArray, course: Course, first: float, steps: int,
+                     members: NDArray) -> tuple[NDArray, NDArray]:
+    """As `turn`, by the trapezoidal rule: x' = flow x + push (f + f'), with the forces f' at the
+    end of the step solved for.
+    """
+    h, one = 2 * math.pi / system.speed / steps, np.eye(len(system.constant))
+    back = np.linalg.inv(one - h / 2 * system.constant)
+    flow, push = back @ (one + h / 2 * system.constant), h / 2 * back @ system.push
+    law, contact, both = system.model.law, np.full(len(members), np.nan), np.vstack(
+        [system.watch, system.watch_rate])
+    phases = 2 * math.pi * np.arange(steps + 1) / steps
+    start = course(first)
+    base = start.of(members)
+    response = system.response(0.0, base)
+    wave = np.outer(np.exp(1j * phases), both @ system.turning).real
+    rest = both @ system.static @ base.centre
+    rest[:2] -= base.centre
+    loaded = both @ system.under_loads(phases)
+    now, force = states - response, np.zeros((len(system.watch), len(members)))
+    for n, phase in enumerate(phases):
+        setting = course(first + n / steps)
+        here = base if setting is start else setting.of(members)
+        if n:
+            now = flow @ now + push @ force
+            if here is not base and np.any(here.unbalance != base.unbalance):
+                shaken = back @ (h * (system.shake * np.exp(1j * (phase - math.pi / steps))).real)
+                now += np.outer(shaken, here.unbalance - base.unbalance)
+        free = both @ now + np.outer(wave[n], base.unbalance) + rest + loaded[:, [n]]
+        # the forces at the very start are those of a known place
+        gain = both @ push if n else 0 * both @ push
+        force = _solved(system, free, gain, base.centre - here.centre, phase, here.field, force)
+        now = now + push @ force if n else now
+        place = _shifted((free + gain @ force)[:len(force)], base.centre - here.centre)
+        touching = ~(law.smallest_gap(place, phase) > 0)  # true for nan
+        contact[touching & np.isnan(contact)] = first + n / steps
+        now[:, touching] = force[:, touching] = 0.0
+    return now + response, contact
+
+
+def _solved(system: Split, free: NDArray, gain: NDArray, shift: NDArray, phase: float,
+            field: NDArray | float, force: NDArray) -> NDArray:
+    """What the linear part misses of the forces, N, (c, members), at the place and velocity free +
+    gain · force, (2c, members), by Newton from a guess; nan where there is no force there.
+
+    Raises NoConvergence where a member finds none.
+    """
+    c, small = len(force), CLOSE * 1e-9 * system.model.length_scale
+    last, step = force, np.zeros_like(force)
+    for _ in range(40):
+        state = free + gain @ force
+        there, slope, damping = _linear(system, _shifted(state[:c], shift), state[c:], phase, field)
+        lost = ~np.isfinite(there).all(axis=0)  # beyond a film or the gap: half the step
+        wanted = there - system.slope @ state[:c] - force
+        matrix = np.eye(c) - (slope.transpose(2, 0, 1) - system.slope) @ gain[:c]
+        if damping is not None:
+            matrix = matrix - damping.transpose(2, 0, 1) @ gain[c:]
+        with np.errstate(all="ignore"):
+            ahead = np.linalg.solve(matrix, wanted.T[..., None])[..., 0].T
+        step = np.where(lost, step / 2, ahead)
+        last = np.where(lost, last, force)
+        force = last + step
+        moved = np.abs(gain[:c] @ step).max(axis=0)
+        if not (moved > small).any():
+            return np.where(lost, np.nan, force)
+    raise NoConvergence(f"{int((moved > small).sum())} of {len(moved)} motions of "
+                        f"{system.model.name} found no place in a step. Use more steps in a "
+                        "revolution.")
+
+
+def _linear(system: Split, place: NDArray, rate: NDArray, phase: float,
+            field: NDArray | float) -> tuple[NDArray, NDArray, NDArray | None]:
+    """Forces, N, and their derivatives by place and velocity with the field at a factor."""
+    law = system.model.law
+    full = law.linearise(place, rate, phase, system.speed)
+    if np.all(field == 1):
+        return full
+    without = law.scaled(0.0).linearise(place, rate, phase, system.speed)
+    force, slope = (b + field**2 * (a - b) for a, b in zip(full[:2], without[:2], strict=True))
+    return force, slope, full[2]
 
 
 def _shifted(place: NDArray, by: NDArray) -> NDArray:

@@ -425,7 +425,8 @@ def _with_harmonics(eq: Condensed, local: NDArray, centres: NDArray,
                                   centres)
         found = outcome == Outcome.CONVERGED
     else:
-        solutions = [newton(partial(richer.linearise, centre=c), s)
+        # the same orbit is a few steps away; what is not there is not worth many
+        solutions = [newton(partial(richer.linearise, centre=c), s, max_steps=6)
                      for s, c in zip(start, centres, strict=True)]
         y, found = np.array([s.y for s in solutions]), np.array([s.converged for s in solutions])
     near = np.abs(y - start).max(axis=1) < 0.05  # not another orbit

@@ -63,7 +63,7 @@ def touches_by_runge_kutta(orbit, turns, centres, revolutions, steps):
 
 @pytest.fixture(scope="module")
 def arrived(branch):
-    return arrivals(branch)
+    return arrivals(branch, revolutions=100)
 
 
 def test_about_one_arrival_in_six_touches(arrived):
@@ -86,18 +86,18 @@ def test_single_arrivals_by_runge_kutta(branch, shipped):
     """Which of them touch, motion by motion. At the default steps one in twelve, nearest to a
     boundary, ends otherwise; the share is the same.
     """
-    found = arrivals(branch, sizes=[1e-4, 3e-4, 1e-3], phases=40, steps=4096, revolutions=60)
+    found = arrivals(branch, sizes=[1e-4, 3e-4, 1e-3], phases=40, steps=4096, revolutions=35)
     beyond = branch.folds[0].value + np.repeat(found.sizes, 40)
     centres = np.stack([beyond * shipped.gap, 0 * beyond])
     theirs = touches_by_runge_kutta(branch.at_fold(), found.phases.ravel() / (2 * math.pi), centres,
-                                    60, 320)
+                                    35, 320)
     ours = found.ends.ravel() == CONTACT
     assert 8 < ours.sum() < 40
     assert np.mean(ours == theirs) > 0.97
 
 
 def test_another_basis_gives_the_same_share(branch, arrived):
-    other = arrivals(branch, steps=512, modes=8, seed=5, phases=10)
+    other = arrivals(branch, steps=512, modes=8, seed=5, phases=10, revolutions=60)
     low, high = other.interval(CONTACT)
     assert low < arrived.share(CONTACT) < high
 

@@ -9,6 +9,7 @@ import pytest
 from hydrolab import (
     Arclength,
     HarmonicBalance,
+    Newmark,
     RungeKutta,
     basins,
     follow,
@@ -19,9 +20,19 @@ from hydrolab import (
     stable_orbits_at,
     sweep_in_time,
 )
-from hydrolab.dynamics.ensemble import CONTACT, OTHER, Setting, advance, split
+from hydrolab.dynamics.ensemble import (
+    CONTACT,
+    OTHER,
+    Setting,
+    advance,
+    split,
+    split_for,
+    starts,
+)
 from hydrolab.errors import BadInput
+from hydrolab.machine.bearings import RadialBearing
 from hydrolab.machine.pull import CircularPull
+from tests.machines import MACHINES
 
 
 @pytest.fixture(scope="module")
@@ -145,6 +156,46 @@ def test_members_without_a_state_to_go_on_from_end_early(shipped, branch):
     _, contact, made = advance(system, np.full((len(system.constant), 3), 1.0), at(low), 100, 32)
     assert made == 100
     assert np.isfinite(contact).all()
+
+
+UNIT = load_machine("kaplan-150rpm")
+SEAL = RadialBearing("seal", 10, [[1e8, -3e7], [3e7, 1e8]], [[1e6, 0], [0, 1e6]])
+HARD = {  # what a basis of modes at rest and kicks know nothing of
+    "pads": MACHINES["pads"], "film": MACHINES["film"], "crack": MACHINES["crack"],
+    "dashpots": lambda: replace(UNIT, damping=None, bearings=tuple(
+        replace(b, damping=2e7 * np.eye(2)) for b in UNIT.bearings)),
+    "seal": lambda: replace(UNIT, damping=None,
+                            bearings=(*(replace(b, damping=2e6 * np.eye(2))
+                                        for b in UNIT.bearings), SEAL)),
+}
+
+
+@pytest.mark.parametrize("name", HARD)
+def test_a_push_against_all_degrees_of_freedom(name):
+    """A tenth of a millimetre to the side, two revolutions later: many motions at once and one in
+    time on their bases, and Newmark's method in fine steps with all DOFs.
+    """
+    machine, push = HARD[name](), 1e-4
+    model, speed = machine.model(), machine.speed
+    orbit = HarmonicBalance(8).solve(model, speed, 0.02)
+    system = split_for(orbit, 256, 6)
+    assert system.implicit == (name in ("pads", "film", "crack"))
+    begin = starts(system, orbit, np.array([push]), np.zeros(1))
+    ours = place(system, advance(system, begin, at(orbit), 2, 256).states)[:2, 0]
+    options = {"speed": speed, "static_eccentricity": 0.02, "start": orbit, "revolutions": 2,
+               "disturbance": (push, 0.0)}
+    theirs = integrate(model, Newmark(1024), modes=None, **options).positions[:, -1]
+    on_basis = integrate(model, Newmark(512), **options).positions[:, -1]
+    assert ours == pytest.approx(theirs, abs=0.02 * push)
+    assert on_basis == pytest.approx(theirs, abs=0.01 * push)
+
+
+def test_steps_that_are_too_few_are_refused():
+    machine = MACHINES["pads"]()
+    orbit = HarmonicBalance(8).solve(machine.model(), machine.speed, 0.02)
+    with pytest.raises(BadInput, match=r"steps is 8; .* over a period of the orbit is then known "
+                       r"to [\d.]+ % of the gap, and it takes 0.1 %. Use \d+, or `integrate`"):
+        split_for(orbit, 8, 6)
 
 
 # ------------------------------------------------------------------ basins
@@ -290,7 +341,7 @@ def test_a_passage_can_be_interrupted(branch):
     orbit = replace(start, equations=replace(start.equations,
                                              model=replace(start.model, law=Impatient(
         start.model.law.stiffness, start.model.law.gap))))
-    Impatient.left = 128 * 6
+    Impatient.left = 128 * (3 + 6)  # three for the look at the step
     cut = sweep_in_time(orbit, [0.05, 0.051, 0.052], revolutions=4, keep=2, modes=6)
     assert cut.stopped == "It was interrupted at 5.1 %."
     assert cut.section == pytest.approx(whole.section[:1], abs=1e-15)
