@@ -118,7 +118,7 @@ def stack(systems: Sequence[Condensed]) -> Batch:
     first = systems[0]
     if any((s.harmonics, s.samples) != (first.harmonics, first.samples) for s in systems):
         raise BadInput("a batch needs systems with the same number of harmonics and samples.")
-    if other := next((s.model for s in systems if type(s.model.law) is not CircularPull), None):
+    if other := next((s.model for s in systems if not s.model.law.closed_form), None):
         raise BadInput(f"{other.name} has the law {type(other.law).__name__}; a batch takes "
                        "circular gaps only.")
     weights = np.full((2 * first.harmonics + 1, 1), 2 / first.samples)

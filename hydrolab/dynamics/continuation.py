@@ -84,13 +84,15 @@ def correct(system: ParametrisedSystem, z: NDArray, tangent: NDArray, tolerance:
 def arclength(system: ParametrisedSystem, y: NDArray, parameter: float, *, toward: float = 1.0,
               step: float = 0.01, max_step: float = 0.05, min_step: float = 1e-7,
               max_turn: float = 0.15, tolerance: float = 1e-10,
-              longest: Callable[[Step], float] | None = None) -> Iterator[Step]:
+              longest: Callable[[Step], float] | None = None,
+              held: float = math.inf) -> Iterator[Step]:
     """Walk along the curve from a point on it, yielding one `Step` after another, for ever.
 
     toward: sign of the first change of the parameter. step: first step along the curve, in the
     scaled norm of (y, λ). max_turn: the tangent turns less than this (rad) in a step. tolerance: of
     the residual. longest: the longest step from a point, for a curve that has more to see than its
-    turns. Ends where no step down to `min_step` succeeds.
+    turns. held: share of the parameter in the tangent above which it is held in a step, so that a
+    system that is dear to set up is set up once. Ends where no step down to `min_step` succeeds.
     """
     z = np.append(y, parameter)
     along = np.zeros(len(z))
@@ -104,8 +106,11 @@ def arclength(system: ParametrisedSystem, y: NDArray, parameter: float, *, towar
     step = min(step, longest(here)) if longest else step
     while step >= min_step:
         z = np.append(here.y, here.parameter) + step * here.tangent
-        new = correct(system, z, here.tangent, tolerance, guess=z + step**2 / 2 * bend,
-                      slope=here.slope)
+        guess, normal = z + step**2 / 2 * bend, here.tangent
+        if abs(normal[-1]) > held:
+            z = guess
+            normal = math.copysign(1.0, normal[-1]) * along
+        new = correct(system, z, normal, tolerance, guess=guess, slope=here.slope)
         turn = math.inf if new is None else math.acos(min(1.0, float(new.tangent @ here.tangent)))
         if new is None or turn > 2 * max_turn:
             step /= 2

@@ -20,9 +20,9 @@ from hydrolab.dynamics.paths import Path, foresight, path
 from hydrolab.dynamics.results import PeriodicOrbit, require
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.model import Model
-from hydrolab.machine.pull import CircularPull
 from hydrolab.machine.quantities import number, require_model, whole
 
+HELD = 0.3  # share of a parameter in the tangent above which it is held in a step
 CLOSED = 1e-3  # a branch that comes this near its first point, in the scaled norm, is closed
 
 
@@ -185,7 +185,8 @@ def walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength,
     small = min(1.0, max(100 * float(np.abs(y).max()), 1e-5))
     for point in arclength(system, y, along.first / along.scale, toward=forward, step=method.step,
                            max_step=method.max_step, max_turn=method.max_turn,
-                           tolerance=1e-10 * small, longest=foresight(along)):
+                           tolerance=1e-10 * small, longest=foresight(along),
+                           held=math.inf if along.moves_stator else HELD):
         if until and steps and until(steps[-1], point):
             steps.append(point)
             break
@@ -246,8 +247,8 @@ def _reason(along: Path, steps: list[Step], to: float, method: Arclength, closed
 
 def _room(along: Path, y: NDArray, value: float, method: Arclength) -> float:
     """Smallest gap at the AFT samples over the nominal one; inf where it cannot be the end."""
-    # the pull of a round gap is no number outside it, so no point that was found can touch
-    if not method.smallest_gap and type(along.here.equations.model.law) is CircularPull:
+    # no number outside the gap: no point that was found can touch
+    if not method.smallest_gap and along.here.equations.model.law.closed_form:
         return math.inf
     problem = along.at(value)
     eq = problem.equations
@@ -301,7 +302,7 @@ def update_branch(branch: Branch, model: Model, speed: float | None = None) -> B
         branch = replace(branch, method=Arclength(branch.method))
     along = path(model, "static_eccentricity", branch.path.balance, speed, branch.path.first,
                  branch.path.here.direction)
-    moved = _moved(branch, along) if type(model.law) is CircularPull and len(branch) > 1 else None
+    moved = _moved(branch, along) if model.law.closed_form and len(branch) > 1 else None
     return _afresh(branch, along) if moved is None else moved
 
 

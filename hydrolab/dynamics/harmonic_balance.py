@@ -112,6 +112,12 @@ class Condensed:
         return (self.balance(y, forces),
                 self.stiffness - pull.reshape(c * columns, c * columns))
 
+    def felt(self, k: int) -> NDArray:
+        """Dynamic stiffness of harmonic k as the nonlinear coordinates feel it, complex, (c, c)."""
+        c, columns = self.linear.shape
+        blocks = self.stiffness.reshape(c, columns, c, columns)[:, :, :, 2 * k - 1]
+        return self.force / self.length * (blocks[:, 2 * k - 1] + 1j * blocks[:, 2 * k])
+
     def newtons(self, residual: NDArray) -> float:
         """The largest force in a scaled residual, N."""
         return self.force * float(np.abs(residual).max())
@@ -206,6 +212,13 @@ def respond(model: Model, speed: float, order: float, loads: NDArray) -> NDArray
 
 
 @lru_cache(maxsize=64)
+def _waves(harmonics: int, samples: int) -> tuple[NDArray, NDArray, NDArray]:
+    """Phases of the samples, harmonics there and their rates, kept for the next speed."""
+    turn = 2 * np.pi * np.arange(samples) / samples
+    return turn, fourier_rows(harmonics, turn), rate_rows(harmonics, turn)
+
+
+@lru_cache(maxsize=64)
 def condense(model: Model, speed: float, harmonics: int, samples: int, revolutions: int = 1,
              length: float | None = None) -> Condensed:
     """Eliminate the linear DOFs of a model at one speed; cached, since a branch asks again and
@@ -237,13 +250,12 @@ def condense(model: Model, speed: float, harmonics: int, samples: int, revolutio
         amplitudes[k] = answer[:, c]
 
     # between harmonics and samples in time; unknowns and residuals are scaled to be of order one
-    turn = 2 * np.pi * np.arange(samples) / samples
-    rows = fourier_rows(harmonics, turn)
+    turn, rows, turning_rows = _waves(harmonics, samples)
     force = length * float(np.abs(stiffness[0]).max())
     weights = np.full((2 * harmonics + 1, 1), 2 / samples)
     weights[0] = 1 / samples
     analysis = (weights * rows).T / force
-    synthesis, rate = length * rows, length * speed / revolutions * rate_rows(harmonics, turn)
+    synthesis, rate = length * rows, length * speed / revolutions * turning_rows
 
     def products(rows: NDArray) -> NDArray:
         return np.einsum("nk,ln->nkl", analysis, rows).reshape(samples, -1)

@@ -27,6 +27,7 @@ from hydrolab.machine.quantities import number, shown
 # parameters other than angles and eccentricities are scaled by this times their first value
 REACH = 10.0
 NEARBY = 1e-6  # relative change of a parameter in the central difference by it
+APART, REMEMBERED = 1e-4, 12  # relative, of values that give a difference; how many are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,24 +68,55 @@ class Path:
             return Problem(here.equations, here.static_eccentricity, value)
         return _changed(self, float(value))
 
+    def _onward(self, problem: Problem) -> NDArray:
+        """∂(x_E, z_E)/∂λ where the parameter moves the stator, m."""
+        if self.parameter == "direction":
+            return problem.equations.model.centre(problem.static_eccentricity,
+                                                  problem.direction + math.pi / 2)
+        return 2 * problem.equations.model.centre(0.5, problem.direction)
+
+    @property
+    def moves_stator(self) -> bool:
+        """Whether the parameter moves the stator and leaves the equations as they are."""
+        return self.parameter in ("static_eccentricity", "direction")
+
+    def size(self, value: float) -> float:
+        """What a change of the parameter is compared with."""
+        return max(abs(value), 0.01 * self.scale)
+
     def slope(self, y: NDArray, value: float) -> NDArray:
         """∂H/∂λ of the residual in N, by a central difference; nan at the edge of what is allowed.
         """
-        h = NEARBY * max(abs(value), 0.01 * self.scale)
+        h = NEARBY * self.size(value)
         try:
             ahead, behind = self.at(value + h), self.at(value - h)
-            there, back = ahead.centre, behind.centre
+            return (_force_left(ahead, y) - _force_left(behind, y)) / (2 * h)
         except BadInput:
             return np.full(len(y), np.nan)
-        eq, other = ahead.equations, behind.equations
-        if eq is other:  # the stator alone moves, and all but the forces cancels
-            forces = eq.forces(y, there) - eq.forces(y, back)
-            return -eq.force / (2 * h) * (forces @ eq.analysis).ravel()
-        return (eq.force * eq.residual(y, there) - other.force * other.residual(y, back)) / (2 * h)
 
     def system(self) -> ParametrisedSystem:
-        """The residual with its derivatives in (y, value/scale), as `arclength` takes it."""
-        def system(y: NDArray, scaled: float) -> tuple[NDArray, NDArray, Callable[[], NDArray]]:
+        """The residual with its derivatives in (y, value/scale), as `arclength` takes it.
+
+        Where equations change, ∂H/∂λ comes from those of the last values, which cost nothing to set
+        up again; where there are no such yet, from a central difference.
+        """
+        known: dict[float, Problem] = {}
+
+        def slope(y: NDArray, value: float) -> NDArray:
+            """By the parabola through this value and the two nearest that are well apart from it.
+            """
+            size, near = self.size(value), [value]
+            for other in sorted(known, key=lambda v: abs(v - value)):
+                if min(abs(other - v) for v in near) > APART * size:
+                    near.append(other)
+            if len(near) < 3 or abs(near[2] - value) > FAR * size:
+                return self.slope(y, value)
+            here, one, two = (_force_left(known[v], y) for v in near[:3])
+            h, k = near[1] - value, near[2] - value
+            return (k / h * (one - here) - h / k * (two - here)) / (k - h)
+
+        def system(y: NDArray, scaled: float) -> tuple[NDArray, NDArray,
+                                                       NDArray | Callable[[], NDArray]]:
             value = scaled * self.scale
             try:
                 problem = self.at(value)
@@ -93,8 +125,16 @@ class Path:
             # a speed below zero, a stator outside the gap: there is nothing to follow there
             except BadInput:
                 nothing = np.full(len(y), np.nan)
-                return nothing, np.zeros((len(y), len(y))), lambda: nothing
-            return residual, jacobian, lambda: self.scale / eq.force * self.slope(y, value)
+                return nothing, np.zeros((len(y), len(y))), nothing
+            if self.moves_stator:
+                # to move it is to move the mean the other way, for the forces alone
+                mean = [0, eq.linear.shape[1]]
+                forces = eq.stiffness[:, mean] - jacobian[:, mean]
+                return residual, jacobian, forces @ self._onward(problem) / eq.length
+            known[value] = problem
+            if len(known) > REMEMBERED:
+                del known[next(iter(known))]
+            return residual, jacobian, lambda: self.scale / eq.force * slope(y, value)
         return system
 
     def say(self, value: float, digits: int = 4) -> str:
@@ -102,6 +142,11 @@ class Path:
         if self.unit == "%":
             return f"{100 * value:.{digits}g} %"
         return f"{value:.{digits}g} {self.unit}".rstrip()
+
+
+def _force_left(problem: Problem, y: NDArray) -> NDArray:
+    """H of a problem, N."""
+    return problem.equations.force * problem.equations.residual(y, problem.centre)
 
 
 def path(model: Model, parameter: str, balance: HarmonicBalance, speed: float,
@@ -162,7 +207,8 @@ def _changed(along: Path, value: float) -> Problem:
 
 SHARE = 0.3  # of the distance to the nearest resonance: the longest step
 SHARPEST = 3e-5  # relative: no step is made shorter than this for a resonance
-FAR, NEAR = 0.1, 0.01  # relative changes of a parameter after which resonances are sought again
+FAR = 0.1  # relative change of a parameter over which its equations are known by a parabola
+NEAR, STEADY = 0.01, 0.02  # changes of it and of the forces' slopes that are looked at again
 SILENT = 1e-12  # of the length scale: a harmonic below it is not there
 
 
@@ -178,10 +224,12 @@ def resonances(along: Path, value: float, y: NDArray) -> NDArray:
     size = np.abs(y.reshape(len(eq.linear), -1)).max(axis=0)
     live = [k for k in range(1, eq.harmonics + 1)
             if k == eq.revolutions or size[2 * k - 1:2 * k + 1].max() > SILENT]
-    h = FAR * max(abs(value), 0.01 * along.scale)
+    h = FAR * along.size(value)
     try:
-        before, here, after = (_stiffnesses(along.at(v), y, live)
-                               for v in (value - h, value, value + h))
+        problems = [along.at(v) for v in (value - h, value, value + h)]
+        # where the linear machine stays, what it is to the nonlinear coordinates says it all
+        stays = all(p.equations.stiffness is eq.stiffness for p in problems)
+        before, here, after = (_stiffnesses(p, y, live, stays) for p in problems)
         # (Z + x Z' + x² Z'') q = 0 for λ = value + h x, as an eigenvalue problem in 1/x
         first, second = (-np.linalg.solve(here, change) for change in
                          ((after - before) / 2, (after + before) / 2 - here))
@@ -192,37 +240,51 @@ def resonances(along: Path, value: float, y: NDArray) -> NDArray:
     return value + h / inverse[np.abs(inverse) > 1e-9]
 
 
-def _stiffnesses(problem: Problem, y: NDArray, harmonics: list[int]) -> NDArray:
-    """Z_k − Sᵀ(slope + iω damping) S of all DOFs, with the forces' mean slopes, (…, n, n)."""
+def _stiffnesses(problem: Problem, y: NDArray, harmonics: list[int], condensed: bool) -> NDArray:
+    """Z_k − Sᵀ(slope + iω damping) S of all DOFs, with the forces' mean slopes, (…, n, n); or of
+    the nonlinear coordinates alone, (…, c, c).
+    """
     eq = problem.equations
     S = eq.model.selection
-    _, slope, damping = eq.model.law.linearise(eq.position(y, problem.centre), eq.velocity(y),
-                                               eq.phase, eq.speed)
-    mean = slope.mean(axis=-1)
-    rate = 0 * mean if damping is None else damping.mean(axis=-1)
+    mean, rate = _mean_slopes(problem, y)
     found = []
     for k in harmonics:
         w = k * eq.speed / eq.revolutions
-        found.append(dynamic_stiffness(eq.model, w, eq.speed) - S.T @ (mean + 1j * w * rate) @ S)
+        slope = mean + 1j * w * rate
+        found.append(eq.felt(k) - slope if condensed else
+                     dynamic_stiffness(eq.model, w, eq.speed) - S.T @ slope @ S)
     return np.array(found)
 
 
+def _mean_slopes(problem: Problem, y: NDArray) -> NDArray:
+    """∂F/∂u and ∂F/∂u̇, mean along a motion, (2, c, c)."""
+    eq = problem.equations
+    _, slope, damping = eq.model.law.linearise(eq.position(y, problem.centre), eq.velocity(y),
+                                               eq.phase, eq.speed)
+    mean = slope.mean(axis=-1)
+    return np.array([mean, 0 * mean if damping is None else damping.mean(axis=-1)])
+
+
 def foresight(along: Path) -> Callable[[Step], float] | None:
-    """A function that gives the longest step from a point, so that no resonance is stepped over;
-    None along parameters that leave the linear machine and its forcing frequency as they are.
+    """A function that gives the longest step from a point, so that no resonance is stepped over.
+
+    None where the linear machine and its forcing frequency stay as they are: along the
+    eccentricity, the direction and the unbalance a resonance moves with the pull's slope alone,
+    that is with the motion, which changes by no more than a step is long.
     """
-    if along.parameter in ("static_eccentricity", "direction", "unbalance"):
+    if along.moves_stator or along.parameter == "unbalance":
         return None
-    seen, reach, poles = math.nan, 0.0, np.empty(0)
+    seen, slopes, poles = math.nan, np.empty(0), np.empty(0)
 
     def longest(step: Step) -> float:
-        nonlocal seen, reach, poles
+        nonlocal seen, slopes, poles
         value = step.parameter * along.scale
-        size = max(abs(value), 0.01 * along.scale)
-        if not abs(value - seen) < reach:
-            seen, poles = value, resonances(along, value, step.y)
-            nearest = np.abs(poles - value).min(initial=math.inf)
-            reach = max(NEAR * size, min(FAR * size, nearest))
+        size, now = along.size(value), _mean_slopes(along.at(value), step.y)
+        away, nearest = abs(value - seen), np.abs(poles - value).min(initial=math.inf)
+        # the parabola reaches as far as its values; the motion may shift the poles before
+        if not away < FAR * size or (away > max(NEAR * size, nearest) and
+                                     np.abs(now - slopes).max() > STEADY * np.abs(now).max()):
+            seen, slopes, poles = value, now, resonances(along, value, step.y)
         nearest = np.abs(poles - value).min(initial=math.inf)
         change = max(SHARE * nearest, SHARPEST * size) / along.scale
         return change / max(abs(float(step.tangent[-1])), 1e-9)

@@ -50,7 +50,6 @@ from hydrolab.dynamics.winding import (
     twins,
 )
 from hydrolab.errors import BadInput
-from hydrolab.machine.pull import CircularPull
 
 NEAR = 0.9
 
@@ -182,7 +181,7 @@ class Floquet:
     "fold" (real, positive), "flip" (real, negative) or "Neimark–Sacker" (a complex pair). outside:
     number of multipliers outside the unit circle. how: "counted" on the whole machine, or "quick",
     from a few modes. growth: only what grows faster than this is counted, 1/s; above 0 where the
-    machine has motions without damping.
+    machine has motions without damping, which is then "stable" where nothing does.
     """
 
     multipliers: NDArray
@@ -284,7 +283,7 @@ def _counted(eq: Condensed, local: NDArray, centres: NDArray, modes: int,
         out = out or found
         for i, f in zip(doubt, found, strict=True):
             out[i] = f
-        doubt = doubt[[f.verdict == "unknown" and not f.growth for f in found]]
+        doubt = doubt[[f.verdict == "unknown" for f in found]]
         if not len(doubt):
             break
     return out
@@ -365,7 +364,9 @@ def _judged(values: NDArray, moves: NDArray, outside: int, certain: bool,
     moved_by = float(np.nan_to_num(moves[leading], nan=np.inf).max())
     error = max(moved_by, SOLVED * abs(values[0])) if certain else math.inf
     verdict = _verdict(values, error)
-    if (verdict == "stable") != (outside == 0) or (verdict == "stable" and growth):
+    if growth and certain and not outside and verdict != "unstable" and error <= TRUST:
+        verdict = "stable"  # what has no damping lies on the circle itself, and nothing beyond it
+    elif (verdict == "stable") != (outside == 0) or (growth and verdict == "stable"):
         verdict = "unknown"
     return Floquet(values, error, verdict, _kind(values[0]), outside, "counted", growth)
 
@@ -420,7 +421,7 @@ def _with_harmonics(eq: Condensed, local: NDArray, centres: NDArray,
     start = np.zeros((*local.shape[:2], 2 * richer.harmonics + 1))
     start[:, :, :local.shape[2]] = local / richer.length
     start = start.reshape(len(start), -1)
-    if type(eq.model.law) is CircularPull:
+    if eq.model.law.closed_form:
         y, outcome = newton_batch(stack([richer]).take(np.zeros(len(start), dtype=int)), start,
                                   centres)
         found = outcome == Outcome.CONVERGED

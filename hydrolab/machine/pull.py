@@ -37,7 +37,9 @@ class ForceLaw:
     6. `coordinates` is c. The first two of a law in the air gap are the eccentricity (x, z), m.
     7. A law in the air gap has a field `gap`, its nominal gap, m; any other says
        `gap = math.inf`. Where the gap is not round, it writes `narrowest`.
-    8. Its table in a card is a `Part` beside the law and a field of `parts.Machine`; `model.attach`
+    8. `closed_form` says that the force has no number outside the gap, and that one law with an
+       array for each of its numbers is as many laws (`dynamics.batch`).
+    9. Its table in a card is a `Part` beside the law and a field of `parts.Machine`; `model.attach`
        (or `model.air_gap_law`) makes the law of it and gives the rows of its coordinates.
     """
 
@@ -62,6 +64,11 @@ class ForceLaw:
         """Smallest gap, m, and its gap angle, rad; each has the shape of u without its first axis.
         """
         return self.gap - np.hypot(u[0], u[1]), np.arctan2(u[0], u[1])
+
+    @property
+    def closed_form(self) -> bool:
+        """Whether it is the pull of a round gap (rule 8)."""
+        return False
 
     def smallest_gap(self, u: NDArray, phase: NDArray | float = 0.0) -> NDArray:
         """Smallest air gap around the circumference, m; zero or less is contact."""
@@ -91,6 +98,11 @@ class CircularPull(ForceLaw):
 
     stiffness: float
     gap: float
+
+    @property
+    def closed_form(self) -> bool:
+        """True but for a subclass, which has another force."""
+        return type(self) is CircularPull
 
     @quiet
     def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,

@@ -34,11 +34,29 @@ def test_derivative_against_differences(unit, speed, parameter):
         problem = along.at(scaled * along.scale)
         return problem.equations.residual(y, problem.centre) * problem.equations.force
 
-    slope = along.system()(y, here)[2]() * along.at(along.first).equations.force
+    slope = along.system()(y, here)[2]
+    slope = (slope() if callable(slope) else slope) * along.at(along.first).equations.force
     near, far = (newtons(here + k * h) - newtons(here - k * h) for k in (1, 2))
     difference = (8 * near - far) / (12 * h)  # of fourth order
     assert np.abs(slope).max() > 1e3
     assert slope == pytest.approx(difference, abs=3e-7 * np.abs(difference).max())
+
+
+@pytest.mark.parametrize("parameter", ["speed", "field", "bearings.guide.stiffness"])
+def test_derivative_from_values_before(unit, speed, parameter):
+    """Once neighbours are known, no further equations are set up, and the slope is of second order.
+    """
+    y = HarmonicBalance().solve(unit, speed, 0.05).coefficients.ravel() / unit.gap
+    along = path(unit, parameter, HarmonicBalance(), speed, 0.05, 1.2)
+    here, errors = along.first / along.scale, []
+    exact = along.system()(y, here)[2]()
+    for h in (0.04, 0.02):
+        system = along.system()
+        for near in (2 * h, h, 0):
+            slope = system(y, here * (1 - near))[2]
+        errors.append(np.abs(slope() - exact).max() / np.abs(exact).max())
+    assert errors[0] < 0.02
+    assert errors[1] < 0.35 * errors[0] or errors[0] < 1e-9
 
 
 # ------------------------------------------------------------------ a centred point mass: the

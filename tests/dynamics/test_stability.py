@@ -20,10 +20,12 @@ from hydrolab import (
     reduce,
     rpm,
 )
+from hydrolab.dynamics.branches import orbits_at
 from hydrolab.dynamics.following import Arclength
 from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput
 from hydrolab.machine.pull import CircularPull
+from tests.reference.any_machine import all_multipliers
 
 
 def leading(matrix, count=4):
@@ -315,3 +317,21 @@ def test_a_machine_with_every_multiplier_twice_keeps_them_all():
     assert len(found) == 4
     wanted = np.where(found.imag * by_hand.imag > 0, by_hand, by_hand.conj())
     assert np.abs(found - wanted).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["jeffcott", "kaplan-150rpm"])
+def test_a_machine_without_damping_gets_a_verdict(name):
+    """On the first leg nothing grows, on the second something does, by all degrees of freedom."""
+    model = load_machine(name).model()
+    model = replace(model, C=0 * model.C)
+    method = Arclength(HarmonicBalance(8), max_folds=2)
+    branch = follow(model, to=0.2, speed=rpm(150), method=method)
+    value = branch.folds[0].value - 2e-3
+    for orbit, verdict in zip(orbits_at(branch, value), ("stable", "unstable"), strict=False):
+        truth, known = all_multipliers(orbit)
+        assert (abs(truth[0]) < 1 + max(10 * known, 1e-6)) == (verdict == "stable")
+        found = floquet(orbit)
+        assert found.verdict == verdict
+        assert found.growth > 0
+        assert found.outside == np.sum(np.abs(truth) > 1 + 1e-4)
+        assert "grow nor die out" in str(found)
