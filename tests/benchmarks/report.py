@@ -69,7 +69,7 @@ def table(benchmarks):
                          f"{judged(ratio >= least)})")
         else:
             lines.append(f"{slow}: not measured here")
-    for kind in ("natural point", "arclength point"):
+    for kind in ("natural point", "arclength point", "counted verdict of a point"):
         few, many = (times[f"{kind}, {n} elements"][0] for n in (FEWEST, MOST))
         lines.append(f"{kind}: {MOST} elements cost {many / few - 1:+.0%} of {FEWEST} "
                      f"(within {FLAT:.0%}: {judged(many / few - 1 <= FLAT)})")

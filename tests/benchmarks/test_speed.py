@@ -43,6 +43,7 @@ from hydrolab import (
     vary,
 )
 from hydrolab.dynamics.harmonic_balance import condense
+from hydrolab.dynamics.stability import floquet_all
 from hydrolab.machine.bearings import PadBearing
 from hydrolab.machine.parts import RayleighDamping, Shaft
 from hydrolab.paper.calibration import judge_family, load_family
@@ -181,6 +182,27 @@ def test_branch_with_stability(run, shipped):
                                          locate=False),
                 "branch with counted stability of each point", target=400e-3)
     assert "unknown" not in found.verdicts
+
+
+@pytest.mark.parametrize("elements", ELEMENTS)
+def test_counted_verdict(run, make_kaplan, speed, elements):
+    """Once the eigenvalues of the linear machine are there, whose number alone grows."""
+    orbits = list(follow(unit_of(elements, make_kaplan), to=0.2, speed=speed, method=THREE))
+    found = run(lambda: floquet_all(orbits), f"counted verdict of a point, {elements} elements",
+                per=len(orbits), rounds=3)
+    assert sum(f.verdict == "unknown" for f in found) <= 1  # beside a fold, with four harmonics
+
+
+@pytest.mark.parametrize(("key", "reach"), [("speed", 1.5), ("field", 1.2),
+                                            ("bearings.turbine guide bearing.stiffness", 2.0)])
+def test_along_other_numbers(run, shipped, key, reach):
+    """A model of its own each time, so that no elimination is kept."""
+    model = shipped.model()
+    first = {"speed": shipped.speed, "field": 1.0}.get(key) or model.number(key)[0]
+    branch = run(lambda: follow(replace(model), key, to=reach * first, speed=shipped.speed,
+                                static_eccentricity=0.03),
+                 f"following the {key.split('.')[-1]} to {reach:g} times its own", rounds=3)
+    assert len(branch) > 5
 
 
 def test_branch_with_crossings(run, shipped):

@@ -15,7 +15,6 @@ from hydrolab import (
     branch_stability,
     floquet,
     follow,
-    load_machine,
     orbits_at,
     reduce,
     stable_orbits_at,
@@ -26,11 +25,6 @@ from hydrolab.dynamics.ensemble import split
 from hydrolab.dynamics.following import Arclength
 from hydrolab.dynamics.stability import floquet_all, moved, multipliers
 from hydrolab.errors import NoConvergence
-
-
-@pytest.fixture(scope="module")
-def shipped():
-    return load_machine("kaplan-150rpm").model()
 
 
 @pytest.fixture(scope="module")

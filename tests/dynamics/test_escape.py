@@ -6,28 +6,15 @@ import numpy as np
 import pytest
 
 from hydrolab import (
-    Arclength,
-    HarmonicBalance,
     arrivals,
     basins,
     follow,
     integrity,
-    load_machine,
     orbits_at,
 )
 from hydrolab.dynamics.ensemble import CONTACT, OTHER
 from hydrolab.dynamics.reduction import reduce
 from hydrolab.errors import BadInput
-
-
-@pytest.fixture(scope="module")
-def shipped():
-    return load_machine("kaplan-150rpm").model()
-
-
-@pytest.fixture(scope="module")
-def branch(shipped, speed):
-    return follow(shipped, speed=speed, method=Arclength(HarmonicBalance(8)))
 
 
 def touches_by_runge_kutta(orbit, turns, centres, revolutions, steps):

@@ -6,27 +6,14 @@ import numpy as np
 import pytest
 
 from hydrolab import (
-    Arclength,
     HarmonicBalance,
     drift,
-    follow,
-    load_machine,
     orbits_at,
     stable_orbits_at,
     sweep_in_time,
 )
 from hydrolab.errors import BadInput
 from tests.machines import MACHINES
-
-
-@pytest.fixture(scope="module")
-def shipped():
-    return load_machine("kaplan-150rpm").model()
-
-
-@pytest.fixture(scope="module")
-def branch(shipped, speed):
-    return follow(shipped, speed=speed, method=Arclength(HarmonicBalance(8)))
 
 
 def left(passage):

@@ -36,11 +36,6 @@ from tests.machines import MACHINES
 
 
 @pytest.fixture(scope="module")
-def shipped():
-    return load_machine("kaplan-150rpm").model()
-
-
-@pytest.fixture(scope="module")
 def branch(shipped, speed):
     return follow(shipped, speed=speed, method=Arclength(max_folds=3))
 

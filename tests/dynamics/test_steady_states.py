@@ -11,7 +11,6 @@ from hydrolab import (
     branch_off,
     floquet,
     follow,
-    load_machine,
     orbits_at,
     poincare,
     steady_states,
@@ -24,33 +23,18 @@ from tests.reference.shooting import Shooting
 
 
 @pytest.fixture(scope="module")
-def shipped():
-    return load_machine("kaplan-150rpm").model()
-
-
-@pytest.fixture(scope="module")
-def branch(shipped, speed):
-    return follow(shipped, speed=speed, method=Arclength(HarmonicBalance(8)))
-
-
-@pytest.fixture(scope="module")
-def flips(branch):
-    return branch.flips
-
-
-@pytest.fixture(scope="module")
-def doubled(branch, flips):
+def doubled(branch):
     """From the flip at 8.068 %, with its stability."""
-    return branch_off(branch, flips[1])
+    return branch_off(branch, branch.flips[1])
 
 
 # ------------------------------------------------------------------ from a flip
 
-def test_the_doubled_branch_ends_in_the_other_flip(doubled, flips):
+def test_the_doubled_branch_ends_in_the_other_flip(doubled, branch):
     found, stability = doubled
     assert [p.kind for p in found.special_points] == ["flip", "fold", "flip"]
-    assert found.values[0] == found.special_points[0].value == flips[1].value
-    assert found.values[-1] == pytest.approx(flips[0].value, abs=1e-8)
+    assert found.values[0] == found.special_points[0].value == branch.flips[1].value
+    assert found.values[-1] == pytest.approx(branch.flips[0].value, abs=1e-8)
     assert found.stopped.startswith("It ends in a flip at 7.764 %")
     assert "folds: 6.9296 %" in str(found)
     (fold,) = found.folds
@@ -62,16 +46,16 @@ def test_the_doubled_branch_ends_in_the_other_flip(doubled, flips):
     assert all(o.residual < 1e-3 for o in found)
 
 
-def test_from_either_end(branch, flips, doubled):
-    back, _ = branch_off(branch, flips[0])
+def test_from_either_end(branch, doubled):
+    back, _ = branch_off(branch, branch.flips[0])
     assert back.folds[0].value == pytest.approx(doubled[0].folds[0].value, abs=1e-9)
-    assert back.values[-1] == pytest.approx(flips[1].value, abs=1e-8)
+    assert back.values[-1] == pytest.approx(branch.flips[1].value, abs=1e-8)
 
 
-def test_folds_and_flips_by_shooting(shipped, branch, flips, doubled, speed):
+def test_folds_and_flips_by_shooting(shipped, branch, doubled, speed):
     """To 1e-6, another method on another basis."""
     once, twice = Shooting(shipped, speed, 1), Shooting(shipped, speed, 2)
-    for flip in flips[:2]:
+    for flip in branch.flips[:2]:
         theirs = once.crossing(branch[flip.after], branch[flip.after + 1], -1.0)
         assert flip.value == pytest.approx(theirs, abs=1e-6)
     (fold,) = doubled[0].folds
