@@ -190,16 +190,13 @@ def turn(system: Split, states: NDArray, course: Course, first: float, steps: in
     start = course(first)
     base = start.of(members)
     response = system.response(0.0, base)
-    wave = np.outer(np.exp(1j * phases), system.watch @ system.turning).real
-    rest = system.watch @ system.static @ base.centre
-    rest[:2] -= base.centre
-    loaded = system.watch @ system.under_loads(phases)
+    linear = _linear_path(system, base, system.watch, phases)
     now = half @ (states - response)
     for n, phase in enumerate(phases):
         time = first + (n + 0.5) / steps
         setting = course(time)
         here = base if setting is start else setting.of(members)
-        place = system.watch @ now + np.outer(wave[n], base.unbalance) + rest + loaded[:, [n]]
+        place = system.watch @ now + linear(n)
         moved = place if here is base else _shifted(place, base.centre - here.centre)
         touching = ~(law.smallest_gap(moved, phase) > 0)
         if touching.any():
@@ -212,6 +209,17 @@ def turn(system: Split, states: NDArray, course: Course, first: float, steps: in
                             here.unbalance - base.unbalance)
         now = (flow if n < steps - 1 else half) @ now
     return now + response, contact
+
+
+def _linear_path(system: Split, base: Setting, rows: NDArray,
+                 phases: NDArray) -> Callable[[int], NDArray]:
+    """Some rows of the linear response at the n-th of some phases, (rows, members), the generator's
+    (x, z) from the stator's centre.
+    """
+    wave = np.outer(np.exp(1j * phases), rows @ system.turning).real
+    rest, loaded = rows @ system.static @ base.centre, rows @ system.under_loads(phases)
+    rest[:2] -= base.centre
+    return lambda n: np.outer(wave[n], base.unbalance) + rest + loaded[:, [n]]
 
 
 def _turn_implicitly(system: Split, states: NDArray, course: Course, first: float, steps: int,
@@ -228,10 +236,7 @@ def _turn_implicitly(system: Split, states: NDArray, course: Course, first: floa
     start = course(first)
     base = start.of(members)
     response = system.response(0.0, base)
-    wave = np.outer(np.exp(1j * phases), both @ system.turning).real
-    rest = both @ system.static @ base.centre
-    rest[:2] -= base.centre
-    loaded = both @ system.under_loads(phases)
+    linear = _linear_path(system, base, both, phases)
     now, force = states - response, np.zeros((len(system.watch), len(members)))
     for n, phase in enumerate(phases):
         setting = course(first + n / steps)
@@ -241,7 +246,7 @@ def _turn_implicitly(system: Split, states: NDArray, course: Course, first: floa
             if here is not base and np.any(here.unbalance != base.unbalance):
                 shaken = back @ (h * (system.shake * np.exp(1j * (phase - math.pi / steps))).real)
                 now += np.outer(shaken, here.unbalance - base.unbalance)
-        free = both @ now + np.outer(wave[n], base.unbalance) + rest + loaded[:, [n]]
+        free = both @ now + linear(n)
         # the forces at the very start are those of a known place
         gain = both @ push if n else 0 * both @ push
         force = _solved(system, free, gain, base.centre - here.centre, phase, here.field, force)
@@ -437,7 +442,9 @@ def basins(orbits: Sequence[PeriodicOrbit], displacement: ArrayLike, velocity: A
     orbits: steady states of one model at one speed and eccentricity, of one revolution or several;
     usually the stable ones. revolutions: made, of `steps` steps, on `modes` modes. progress: called
     with the revolutions done and all. Raises BadInput where the orbits do not belong together, or a
-    start is not finite. A start outside the gap counts as contact at once.
+    start is not finite. A start outside the gap counts as contact at once, as does one
+    beyond the clearance of a film. Forces that damp or are stiff are solved for in each step, which
+    takes up to ten times as long.
     """
     displacement = np.atleast_1d(np.asarray(displacement, dtype=float))
     velocity = np.atleast_1d(np.asarray(velocity, dtype=float))

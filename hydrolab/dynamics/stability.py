@@ -427,7 +427,7 @@ def _with_harmonics(eq: Condensed, local: NDArray, centres: NDArray,
         found = outcome == Outcome.CONVERGED
     else:
         # the same orbit is a few steps away; what is not there is not worth many
-        solutions = [newton(partial(richer.linearise, centre=c), s, max_steps=6)
+        solutions = [newton(partial(richer.linearise, centre=c), s, max_steps=14)
                      for s, c in zip(start, centres, strict=True)]
         y, found = np.array([s.y for s in solutions]), np.array([s.converged for s in solutions])
     near = np.abs(y - start).max(axis=1) < 0.05  # not another orbit

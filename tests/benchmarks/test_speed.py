@@ -28,11 +28,13 @@ from hydrolab import (
     HarmonicBalance,
     Newmark,
     RungeKutta,
+    arrivals,
     basins,
     branch_stability,
     floquet,
     follow,
     integrate,
+    integrity,
     load_machine,
     orbits_at,
     powell_dog_leg,
@@ -424,6 +426,23 @@ def test_basins(run, shipped, whole):
                                revolutions=revolutions),
                 "basins of 64 × 64 starts, 200 revolutions", target=20.0, rounds=1)
     assert found.share(-1) > 0
+
+
+def test_arrivals(run, shipped, whole):
+    branch = follow(shipped.model(), speed=shipped.speed, method=THREE)
+    phases, revolutions = (25, 180) if whole else (1, 40)
+    found = run(lambda: arrivals(branch, phases=phases, revolutions=revolutions),
+                "1,000 arrivals past the fold", target=20.0, rounds=1)
+    assert not whole or abs(found.share(-1) - 0.18) < 0.03
+
+
+def test_integrity(run, shipped, whole):
+    branch = follow(shipped.model(), speed=shipped.speed, method=THREE)
+    values, window = (None, None) if whole else ([0.0, 0.08], np.linspace(-7e-3, 7e-3, 8))
+    curve = run(lambda: integrity(branch, values, displacement=window,
+                                  revolutions=100 if whole else 20),
+                "integrity at 30 eccentricities, 48 × 48 starts", target=60.0, rounds=1)
+    assert curve.safe[-1] < 0.5
 
 
 MEMORY = """
