@@ -184,11 +184,17 @@ def test_every_verb_feels_the_loads():
     motion = integrate(model, Newmark(256), speed=speed, static_eccentricity=0.02,
                        revolutions=200, ramp=40)
     assert motion.coefficients(4) == pytest.approx(orbit.coefficients[:, :9], abs=2e-6)
-    here = basins([orbit], [0.0, 1e-5], [0.0], revolutions=20, steps=256)
-    assert (here.ends == 0).all()
     twice = follow(model, "unbalance", to=2.0, speed=speed, static_eccentricity=0.02)
     there = HarmonicBalance(4).solve(model.with_unbalance(2.0), speed, 0.02, start=orbit)
     assert twice[-1].coefficients == pytest.approx(there.coefficients, abs=1e-12)
+
+
+def test_a_push_beside_the_orbit_under_loads_dies_away():
+    pytest.importorskip("xarray", reason="maps need the extra [maps]")
+    machine = loaded()
+    orbit = HarmonicBalance(6).solve(machine.model(), machine.speed, 0.02)
+    here = basins([orbit], [0.0, 1e-5], [0.0], revolutions=20, steps=256)
+    assert (here.ends == 0).all()
     rows = steady_map(machine, "static_eccentricity", [0.02], "unbalance", [1.0])
     assert 1e3 * float(rows["smallest_gap"][0, 0]) == pytest.approx(1e3 * orbit.smallest_gap,
                                                                     rel=1e-5)
