@@ -33,6 +33,8 @@ TODAY = datetime.date.today().toordinal()
 # Two chapters a day: each is run within a week, all by `python -m tests.browser_chapters`.
 DRAWN = [CHAPTERS[(2 * TODAY + i) % len(CHAPTERS)] for i in range(2)]
 SOURCE = re.compile('src="([^"]+)"')
+SAVED = """([path, text]) => window.jupyterapp.serviceManager.contents.get(path)
+    .then(file => JSON.stringify(file.content).includes(text))"""
 STUDENT = "prediction_of_mine = 3.25"
 
 
@@ -115,8 +117,7 @@ def test_a_chapter_says_what_is_stored(visit, chapter, tmp_path):
     page = visit.page
     page.evaluate("""text => window.jupyterapp.shell.currentWidget.content.widgets
         .find(cell => cell.model.type === 'code').model.sharedModel.setSource(text)""", STUDENT)
-    page.wait_for_function("window.jupyterapp.shell.currentWidget.context.model.dirty")
-    page.wait_for_function("!window.jupyterapp.shell.currentWidget.context.model.dirty")
+    page.wait_for_function(SAVED, arg=[chapter.name, STUDENT])
     page.reload()
     page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
     page.wait_for_function(live.IDLE)
