@@ -24,7 +24,7 @@ from typing import Any
 
 import psutil
 
-from hydrolab.cli import find_book, prepare_folder
+from hydrolab.cli import prepare_folder
 from hydrolab.course import refresh as notebooks
 from hydrolab.course.browser_site import PUBLIC, build_site, serve_site
 from tests.browser.conftest import FLAGS, KERNEL, Visit, is_local
@@ -193,13 +193,13 @@ def main() -> int:
     parser.add_argument("--site", type=Path, metavar="DIR")
     parser.add_argument("--public", action="store_true")
     options = parser.parse_args()
-    chapters = [path for path in sorted(find_book().glob("[0-9]*.ipynb"))
-                if not options.chapters or path.stem[:2] in {f"{int(name):02}"
-                                                             for name in options.chapters}]
+    wanted = {f"{int(name):02}" for name in options.chapters}
     with tempfile.TemporaryDirectory() as work:
         site = options.site or Path(work, "site")
         if options.site is None:
             print(build(site, options.public), flush=True)
+        chapters = [path for path in sorted((site / "files").glob("[0-9]*.ipynb"))
+                    if not wanted or path.stem[:2] in wanted]
         with served(site) as address:
             results = [report(address, chapter, options.public) for chapter in chapters]
     print(f"{len(results)} chapters: {sum(total for total, _ in results):.0f} s")
