@@ -187,7 +187,8 @@ def tapered_element(element: str, length: float, young: float, density: float, d
                     bore: NDArray, poisson: float,
                     shear_coefficient: float) -> tuple[NDArray, NDArray, NDArray]:
     """M, G and K, each (8, 8), of an element whose diameter and bore, m, both (2,) at its ends,
-    change along straight lines; the rest as `shaft_element` takes it.
+    change along straight lines; length, young, density, poisson and shear_coefficient as
+    `shaft_element` takes them.
 
     K is the inverse of the flexibility of the element held at its upper end, so it is exact within
     Timoshenko's theory for loads at the ends. The motion between them is that of such loads, which
