@@ -173,12 +173,12 @@ def flows(system: Split, steps: int) -> tuple[NDArray, NDArray]:
 
 
 def turn(system: Split, states: NDArray, course: Course, first: float, steps: int,
-         members: NDArray) -> tuple[NDArray, NDArray]:
+         members: NDArray, seen: list[NDArray] | None = None) -> tuple[NDArray, NDArray]:
     """One revolution of many motions, from phase 0 at the time `first` (in revolutions).
 
-    states: [q, q̇], (2r, m). members: their numbers in the course, (m,). Returns the states at the
-    end, and the time at which each touched, nan where it did not; the state of one that touched
-    means nothing.
+    states: [q, q̇], (2r, m). members: their numbers in the course, (m,). seen: takes q in the middle
+    of each step, (r, m), where the forces are kicks. Returns the states at the end, and the time at which each touched, nan
+    where it did not; the state of one that touched means nothing.
     """
     if system.implicit:
         return _turn_implicitly(system, states, course, first, steps, members)
@@ -196,6 +196,8 @@ def turn(system: Split, states: NDArray, course: Course, first: float, steps: in
         time = first + (n + 0.5) / steps
         setting = course(time)
         here = base if setting is start else setting.of(members)
+        if seen is not None:
+            seen.append((now + system.response(phase, base))[:system.model.size])
         place = system.watch @ now + linear(n)
         moved = place if here is base else _shifted(place, base.centre - here.centre)
         touching = ~(law.smallest_gap(moved, phase) > 0)

@@ -234,6 +234,22 @@ class Parts:
             clear = {"opacity": 0.38, "cast_shadow": False} if path == "/stator/wall" else {}
             self.gap[path] = self.solid(path, solid, GAP_COLOURS[path], **clear)
 
+    def dress_ghost(self, rings: NDArray, colours: NDArray) -> None:
+        """What the shaft sweeps: rings at its nodes, (N, P, 3) and their colours, and the ghost
+        between them.
+        """
+        rows, points = rings.shape[:2]
+        i, j = np.meshgrid(np.arange(rows - 1), np.arange(points), indexing="ij")
+        a, b = i * points + j, i * points + (j + 1) % points
+        faces = np.concatenate([np.stack([a, b, b + points], -1).reshape(-1, 3),
+                                np.stack([a, b + points, a + points], -1).reshape(-1, 3)])
+        self.solid("/sweep", (rings.reshape(-1, 3), faces), "#8058A8", flat=False, opacity=0.2,
+                   side="double", cast_shadow=False)
+        segments = np.stack([rings, np.roll(rings, -1, axis=1)], axis=2).reshape(-1, 2, 3)
+        shades = np.stack([colours, np.roll(colours, -1, axis=1)], axis=2).reshape(-1, 2, 3)
+        self.server.scene.add_line_segments("/orbits", segments.astype(np.float32), shades,
+                                            thickness=4.0, thickness_units="screen")
+
     def dress_gap(self, factor: float) -> None:
         """Draw the gap with another exaggeration."""
         for path, (vertices, _) in gap_solids(self.machine, self.sizes, factor).items():

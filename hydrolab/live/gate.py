@@ -1,5 +1,5 @@
-"""What a viewer may say to the 3D server, its camera and its own controls within their ranges, and
-the PIN that makes a presenter of it.
+"""What a viewer may say to the 3D server, its camera, its own controls within their ranges and
+clicks on what is its own, and the PIN that makes a presenter of it.
 
 viser believes its clients. Here everything they send passes one function: another kind of message,
 an unknown control, a value of another type or outside the control's range, NaN, all are dropped;
@@ -44,6 +44,7 @@ from viser._messages import (
     GuiUpdateMessage,
     NotificationProps,
     NotificationShowMessage,
+    SceneNodeClickMessage,
     ThemeConfigurationMessage,
     ViewerCameraMessage,
 )
@@ -143,6 +144,20 @@ def is_camera(message: ViewerCameraMessage) -> bool:
             and not np.array_equal(vectors["look_at"], vectors["position"]))
 
 
+def is_click(message: SceneNodeClickMessage) -> bool:
+    """Whether a click names something and comes along a ray of finite numbers. Who has been given
+    nothing to click on (`client.scene`) is not heard all the same.
+    """
+    try:
+        ray = np.asarray([message.ray_origin, message.ray_direction], float)
+    except (TypeError, ValueError, OverflowError):
+        return False
+    names = message.name, message.owner
+    return (all(isinstance(name, str) and len(name) <= LONGEST_TEXT for name in names)
+            and message.modifier is None and ray.shape == (2, 3)
+            and bool((np.abs(ray) < 1e6).all()) and bool(ray[1].any()))
+
+
 def is_own_page(host: str | None, origin: str | None, own: str) -> bool:
     """Whether a browser's request comes from this server's own page. own: the name or address it
     listens on.
@@ -237,8 +252,17 @@ class Gate:
             second, heard = (now, 1) if now - second > 1 else (second, heard + 1)
             if heard > MOST_A_SECOND:
                 await connection.close(1008, "Too many messages.")
-            elif (type(message) is ViewerCameraMessage and is_camera(message)) or (
-                    type(message) is GuiUpdateMessage and is_allowed(client, message)):
+                return
+            match message:
+                case ViewerCameraMessage():
+                    allowed = is_camera(message)
+                case GuiUpdateMessage():
+                    allowed = is_allowed(client, message)
+                case SceneNodeClickMessage():
+                    allowed = is_click(message)
+                case _:
+                    allowed = False
+            if allowed:
                 await passed(client_id, message)
 
         return hear

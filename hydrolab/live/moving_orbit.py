@@ -6,18 +6,21 @@ Here leg: 0 is the first. field, unbalance: factors on the machine's own.
 
 from __future__ import annotations
 
-import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.branches import Branch, branch_stability
-from hydrolab.dynamics.following import update_branch
+from hydrolab.dynamics.following import follow, update_branch
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.results import PeriodicOrbit
+from hydrolab.dynamics.steady_states import branch_off
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.explorers.legs import Legs, legs_of
-from hydrolab.figures.readings import percent
+from hydrolab.figures.readings import percent, verdicts
+from hydrolab.live.jump import Jump
 from hydrolab.machine.parts import Machine
 
 FIELDS, UNBALANCES = (0.5, 1.2), (0.1, 2.0)
@@ -27,22 +30,48 @@ STRAIGHT = "The card has neither air gap nor unbalance: the shaft turns straight
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """An orbit with the leg it is on (0 is the first), its verdict, and what is to be said. jumped:
-    from another orbit.
+    """An orbit with the leg it is on (0 is the first), its verdict, and what is to be said. jump:
+    how the machine leaves it, where it cannot stay.
     """
 
     orbit: PeriodicOrbit
     leg: int
     verdict: str
     words: str
-    jumped: bool = False
+    jump: Jump | None = None
+
+
+@lru_cache(maxsize=4)
+def all_legs(machine: Machine) -> Legs:
+    """The whole branch of a machine at its rated speed, to where it ends."""
+    with threadpool_limits(1):
+        branch = follow(machine.model(), speed=machine.speed, to=0.5)
+        return Legs(branch, branch_stability(branch, locate=False).points)
+
+
+@lru_cache(maxsize=4)
+def doubled_of(branch: Branch) -> tuple[Legs, ...]:
+    """The motions of two revolutions that begin where a branch loses its stability in a flip."""
+    found: list[Legs] = []
+    stability = branch_stability(branch)
+    words = verdicts(branch, stability.points)
+    for flip in stability.flips:
+        if "stable" not in words[max(flip.after - 1, 0):flip.after + 3]:
+            continue  # between motions that no machine can be in
+        try:
+            off, stability = branch_off(branch, flip)
+        except NoConvergence:
+            continue
+        found.append(Legs(off, stability.points))
+    return tuple(found)
 
 
 class LiveOrbit:
     """The steady states of a machine at its rated speed, ready to be asked for one.
 
     legs: the branch over the static eccentricity with its stability, None for a machine without an
-    air gap.
+    air gap. doubled: motions of two revolutions, once `look_for_doubled` has been called; they are
+    counted after the legs.
     """
 
     def __init__(self, machine: Machine, branch: Branch | None = None) -> None:
@@ -50,12 +79,13 @@ class LiveOrbit:
         self.balance = HarmonicBalance(4)
         self.legs: Legs | None = None
         self.strength = (1.0, 1.0)
+        self.doubled: tuple[Legs, ...] = ()
+        if not machine.speed > 0:
+            raise BadInput("speed is 0 rad/s; the 3D view shows a turning machine.")
         if branch is not None:
             self.legs = Legs(branch, branch_stability(branch, locate=False).points)
         elif machine.air_gap is not None:
-            self.legs = legs_of(machine)
-        elif not machine.speed > 0:
-            raise BadInput("speed is 0 rad/s; the 3D view shows a turning machine.")
+            self.legs = all_legs(machine)
         self.own = self.legs
 
     @property
@@ -63,33 +93,74 @@ class LiveOrbit:
         """The largest static eccentricity at which there is a steady state, fraction of the gap."""
         return max(leg.high for leg in self.legs.all) if self.legs else 0.0
 
+    @property
+    def ways(self) -> list[tuple[Legs, int]]:
+        """All legs that there are, those of motions of two revolutions last."""
+        return [(legs, i) for legs in (self.legs, *self.doubled) if legs
+                for i in range(len(legs.all))]
+
+    def name(self, leg: int) -> str:
+        """What a leg is called."""
+        if self.legs is None or leg < len(self.legs.all):
+            return f"leg {leg + 1}"
+        return "a motion of two revolutions"
+
+    def stable_at(self, eccentricity: float) -> tuple[int, ...]:
+        """The legs that the machine can be on."""
+        return tuple(i for i, (legs, leg) in enumerate(self.ways)
+                     if leg in legs.stable_at(eccentricity))
+
+    def orbit(self, eccentricity: float, leg: int) -> tuple[PeriodicOrbit | None, str]:
+        """The steady state on a leg, None where the leg does not pass, and the verdict on it."""
+        ways = self.ways
+        if not 0 <= leg < len(ways):
+            return None, "unknown"
+        legs, own = ways[leg]
+        orbit = legs.orbit(eccentricity, own)
+        return orbit, "unknown" if orbit is None else legs.verdict(orbit, own)
+
+    def look_for_doubled(self) -> None:
+        """Find the motions of two revolutions, of the card's field and unbalance; takes seconds."""
+        if self.own and self.strength == (1.0, 1.0) and not self.doubled and (
+                self.own.branch.equations.revolutions == 1):
+            with threadpool_limits(1):
+                # the first three legs hold every stable motion, and take a third of the time
+                same = self.own is all_legs(self.machine) if self.machine.air_gap else False
+                self.doubled = doubled_of((legs_of(self.machine) if same else self.own).branch)
+
     def at(self, eccentricity: float, leg: int, field: float, unbalance: float,
            before: Shown | None = None) -> Shown:
-        """The steady state asked for, or the one the machine would go to, or the one before with
-        the reason in words.
+        """The steady state asked for, or the one before with how the machine leaves it, or with the
+        reason in words.
         """
         with threadpool_limits(1):
             if self.legs is None:
                 orbit = self.balance.solve(self.model.with_unbalance(unbalance), self.machine.speed)
                 turned = any(body.unbalance for body in self.machine.bodies)
                 return Shown(orbit, 0, "stable", NO_GAP if turned else STRAIGHT)
+            same = (field, unbalance) == self.strength
             try:
                 self._strengthen(field, unbalance)
             except (NoConvergence, Contact, BadInput):
                 return self._kept(before, f"With {percent(field)} of the field and "
                                   f"{percent(unbalance)} of the unbalance no steady state begins "
                                   "at the centre.")
-            orbit = self.legs.orbit(eccentricity, leg)
+            orbit, verdict = self.orbit(eccentricity, leg)
+            slid = before is not None and before.leg == leg and before.verdict == "stable"
+            if slid and (orbit is None or verdict == "unstable"):
+                return self._left(eccentricity, leg, before, orbit, same)
             if orbit is None:
-                return self._elsewhere(eccentricity, leg, before)
-            verdict = self.legs.verdict(orbit, leg)
+                return self._kept(before, f"At {percent(eccentricity, 4)} {self.name(leg)} has no "
+                                  "steady state; the last orbit found is shown.")
             stays = "" if verdict == "stable" else " A machine does not stay on it."
-            return Shown(orbit, leg, verdict, f"Leg {leg + 1}, {verdict}.{stays}")
+            named = self.name(leg)
+            return Shown(orbit, leg, verdict, f"{named[0].upper()}{named[1:]}, {verdict}.{stays}")
 
     def _strengthen(self, field: float, unbalance: float) -> None:
         """Move the branch to another field and unbalance."""
         if (field, unbalance) == self.strength:
             return
+        self.doubled = ()
         if (field, unbalance) == (1.0, 1.0):
             self.legs = self.own
         else:
@@ -98,26 +169,52 @@ class LiveOrbit:
             self.legs = Legs(branch, branch_stability(branch, quick=True, locate=False).points)
         self.strength = (field, unbalance)
 
-    def _elsewhere(self, eccentricity: float, leg: int, before: Shown | None) -> Shown:
-        """Where the leg asked for has no orbit: a stable one of another leg, if there is one."""
-        gone = f"At {percent(eccentricity, 4)} leg {leg + 1} has no steady state"
-        for other in range(len(self.legs.all)):
-            orbit = self.legs.orbit(eccentricity, other)
-            if orbit is not None and self.legs.verdict(orbit, other) == "stable":
-                words = f"{gone}: the machine jumps to leg {other + 1}, which is stable there."
-                return Shown(orbit, other, "stable", words, jumped=True)
-        return self._kept(before, f"{gone}, and no other leg has a stable one; the last orbit "
-                                  "found is shown.")
+    def _left(self, eccentricity: float, leg: int, before: Shown | None,
+              there: PeriodicOrbit | None, same: bool) -> Shown:
+        """Where the leg asked for has ended, or is stable no more: how the machine leaves it. same:
+        whether field and unbalance are those of before; only the stator is moved in time.
+        """
+        named = self.name(leg)
+        how = "has ended" if there is None else "is stable no more"
+        gone = f"At {percent(eccentricity, 4)} {named} {how}"
+        if there is not None and there.revolutions == 1:
+            self.look_for_doubled()
+        stable = [i for i in self.stable_at(eccentricity) if i != leg]
+        two = [i for i in stable if self.ways[i][0].branch.equations.revolutions > 1]
+        if two and there is not None:  # a flip: the new motion grows out of the old one
+            orbit, verdict = self.orbit(eccentricity, two[0])
+            return Shown(orbit, two[0], verdict, f"{gone}: the motion repeats every two "
+                         "revolutions only.")
+        start = self._edge(eccentricity, leg, before)
+        if start is None:
+            return self._kept(before, f"{gone}; the last orbit found is shown.")
+        orbits = [self.orbit(eccentricity, i)[0] for i in stable]
+        jump = None
+        with suppress(BadInput):  # of forces that many motions at once are not made for
+            jump = Jump(self.machine, start, eccentricity, orbits, stable) if same else None
+        if jump is None and not stable:
+            return self._kept(before, f"{gone}, and no other leg has a stable one; the last orbit "
+                              "found is shown.")
+        if jump is None:
+            return Shown(orbits[0], stable[0], "stable", f"{gone}; {self.name(stable[0])} is stable"
+                         " there, and is shown.")
+        return Shown(start, leg, "stable", f"{gone}: the machine leaves it.", jump)
+
+    def _edge(self, eccentricity: float, leg: int, before: Shown | None) -> PeriodicOrbit | None:
+        """The last orbit of a leg on the way to an eccentricity: that of its fold, or the one shown
+        before.
+        """
+        if leg < len(self.ways):
+            legs, own = self.ways[leg]
+            if not legs.all[own].holds(eccentricity):
+                ends = [legs.branch.at_fold(i) for i in (own - 1, own)
+                        if 0 <= i < len(legs.branch.folds)]
+                if ends:
+                    return min(ends, key=lambda o: abs(o.static_eccentricity - eccentricity))
+        return before.orbit if before is not None and before.leg == leg else None
 
     def _kept(self, before: Shown | None, words: str) -> Shown:
         if before is not None:
-            return replace(before, verdict="unknown", words=words, jumped=False)
+            return replace(before, verdict="unknown", words=words, jump=None)
         return Shown(self.legs.branch[0], 0, "unknown", words)
 
-
-def gap_words(orbit: PeriodicOrbit) -> str:
-    """The smallest gap, large: "7.84 mm of 11 mm"."""
-    gap = orbit.model.gap
-    if not math.isfinite(gap):
-        return "no air gap"
-    return f"{1e3 * orbit.smallest_gap:.2f} mm of {1e3 * gap:.3g} mm"

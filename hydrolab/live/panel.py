@@ -11,23 +11,32 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from viser import ClientHandle, GuiEvent, ViserServer
 
+from hydrolab.live import solids
+from hydrolab.live.board import BRANCH, HIGH, WIDE
 from hydrolab.live.gate import Pin, address_of
-from hydrolab.live.run_sheet import RunSheet, Step
+from hydrolab.live.poll import Poll
+from hydrolab.live.run_sheet import CHOICES, RunSheet, Step
 from hydrolab.live.server import is_loopback, stop_with_server
-from hydrolab.live.surroundings import ASPECT, fitted
+from hydrolab.live.surroundings import ASPECT, PORTRAIT
 
 if TYPE_CHECKING:
     from hydrolab.live.scene import MachineScene
 
+FOLDS = 1.0  # s until a page has its panel
 PERIOD = 0.1  # s between looks at what the scene shows
+GLIDE = 2.0  # s; in which a step of the run sheet brings the machine to its settings
 STEP = 1 / 12  # of a revolution, for the step button
+# viser's own warnings at the foot of the panel, where they cover neither machine nor words
+STYLE = """<style>.mantine-Notifications-root {left: auto !important; right: 0;
+top: auto !important; bottom: 0 !important; width: 18em !important; font-size: 0.8em}</style>"""
 ENDS = {-1: ("This is the first step", "next goes on from here."),
         1: ("That was the last step", "back shows the one before; again shows this one.")}
 
@@ -40,30 +49,66 @@ def big_number(smallest_gap: float, reading: str) -> str:
     if math.isfinite(smallest_gap):
         number = (f'<div style="font-size: 2.7em; font-weight: 600; line-height: 1.1">'
                   f'{1e3 * smallest_gap:.2f}<span style="font-size: 0.5em"> mm</span></div>'
-                  '<div style="opacity: 0.75">smallest gap</div>')
+                  '<div style="font-size: 18px; opacity: 0.75">smallest gap</div>')
     return (f'<div style="padding: 0.6em 0.9em 0.3em">{number}<div role="status" '
-            'aria-live="polite" style="font-size: 0.85em; line-height: 1.45; margin-top: 0.5em">'
+            'aria-live="polite" style="font-size: 0.85em; line-height: 1.4; margin-top: 0.5em">'
             f'{escape(reading)}</div></div>')
 
 
-def room_words(step: Step) -> str:
-    """What the room reads of a step: its title and the question."""
-    return ('<div style="padding: 0.2em 0.9em 0.6em; line-height: 1.4">'
-            f"<b>{escape(step.title)}</b><div>{escape(step.ask)}</div></div>")
+def room_words(step: Step, opened: bool = False, counts: Sequence[int] = ()) -> str:
+    """What the room reads of a step: its title, the question, and what A, B and C stand for; once
+    it is opened, how the room voted, which is right, and what is to be seen.
+    """
+    rows = [f"<b>{escape(step.title)}</b>", escape(step.ask)]
+    for k, text in enumerate(step.poll):
+        row = f"{CHOICES[k]}: {escape(text)}"
+        if opened:
+            row += f" ({counts[k]})"
+        rows.append(f"<b>{row}</b>" if opened and CHOICES[k] == step.answer else row)
+    if opened:
+        rows.append(escape(step.see))
+    parts = "".join(f'<div style="margin-top: 0.3em">{row}</div>' for row in rows)
+    return ('<div style="padding: 0.2em 0.9em 0.6em; font-size: 18px; line-height: 1.35">'
+            f"{parts}</div>")
 
 
-def presenter_words(sheet: RunSheet, place: int) -> str:
-    """What the presenter reads of a step beside its question: its place in the sheet, what to do,
-    what is to be seen.
+def presenter_words(sheet: RunSheet, place: int, done: str = "", counts: Sequence[int] = ()) -> str:
+    """What the presenter reads of a step beside its question: where it is in the sheet, what `next`
+    will do and what it has done, how the room votes.
     """
     step = sheet.steps[place]
     before = sum(earlier.minutes for earlier in sheet.steps[:place])
-    rows = "".join(f'<div style="margin-top: 0.5em"><b>{name}</b> {escape(text)}</div>'
-                   for name, text in (("Do", step.cue), ("See", step.see)))
+    ahead = sheet.steps[place + 1].cue if place + 1 < len(sheet.steps) else "This is the last step."
+    votes = " · ".join(f"{letter} {count}" for letter, count in zip(CHOICES, counts, strict=False))
+    rows = "".join(f'<div style="margin-top: 0.4em"><b>{name}</b> {escape(text)}</div>'
+                   for name, text in (("Say", step.cue), ("Done", done),
+                                      ("Votes", votes if step.poll else ""), ("Next", ahead))
+                   if text)
     where = (f"{escape(sheet.title)}: step {place + 1} of {len(sheet.steps)}, "
              f"minute {before:g} to {before + step.minutes:g} of {sheet.minutes:g}")
     return ('<div style="padding: 0.2em 0.9em 0.5em; font-size: 0.9em; line-height: 1.4">'
             f"{where}{rows}</div>")
+
+
+TOLD = {"static_eccentricity": ("static eccentricity", 100.0, " %"),
+        "field": ("field", 100.0, " % of the card's"),
+        "unbalance": ("unbalance", 100.0, " % of the card's"),
+        "exaggeration": ("displacements ×", 1.0, ""), "bow": ("bow ×", 1.0, ""),
+        "slow_motion": ("slow motion ÷", 1.0, ""), "leg": ("orbit", 1.0, "")}
+
+
+def done_words(before: Any, wanted: Mapping[str, Any]) -> str:
+    """What a step changed, in words."""
+    said = []
+    for name, value in wanted.items():
+        old = getattr(before, name)
+        if name in TOLD and abs(value - old) > 1e-9:
+            label, units, unit = TOLD[name]
+            shift = 1 if name == "leg" else 0
+            said.append(f"{label} {units * old + shift:.4g} → {units * value + shift:.4g}{unit}")
+        elif isinstance(value, bool) and value != old:
+            said.append(f"{name} {'on' if value else 'off'}")
+    return f"{'; '.join(said)}." if said else "Nothing was changed."
 
 
 @dataclass(frozen=True)
@@ -88,18 +133,15 @@ MACHINE = (
 PICTURE = (
     Slider("exaggeration", "displacements drawn ×", 1.0, 1.0,
            "one factor for displacements and for the gap"),
+    Slider("bow", "bow of the shaft drawn ×", 1.0, 1.0,
+           "how much larger the shaft is drawn bent than it is"),
     Slider("slow_motion", "slow motion ÷", 1.0, 1.0, "how many times slower than the machine"),
 )
 
 
-def orbit_label(leg: int) -> str:
-    """How people count legs: from 1."""
-    return str(leg + 1)
-
-
 def orbit_labels(scene: MachineScene) -> tuple[str, ...]:
     """The orbits to choose from: those the machine can be in, and the one that is shown."""
-    return tuple(map(orbit_label, sorted({*scene.legs, scene.settings.leg})))
+    return tuple(str(leg + 1) for leg in sorted({*scene.legs, scene.settings.leg}))
 
 
 def aspect_of(client: ClientHandle) -> float:
@@ -129,11 +171,17 @@ class Controls:
                  sheet: RunSheet | None = None) -> None:
         self.server, self.scene, self.pin, self.sheet = server, scene, pin, sheet
         self.panels: dict[int, Panel] = {}
+        self.views: dict[int, str] = {}  # what each client looks at
         self.place = 0  # the step of the run sheet that is shown
+        self.opened, self.done = False, ""
+        self.poll = Poll()
+        self.ballots: dict[int, Any] = {}
         self.followed: object = None  # what the panels show
+        server.gui.main_panel.dock_right()
+        server.gui.add_html(STYLE, order=-1)
         self.big = server.gui.add_html("", order=0)
         self.asked = server.gui.add_html("", order=1)
-        self.go_to(0)
+        self.go_to(0, slowly=False)
         server.on_client_connect(self.welcome)
         server.on_client_disconnect(self.forget)
         follower = asyncio.run_coroutine_threadsafe(self._follow(), server.get_event_loop())
@@ -141,18 +189,37 @@ class Controls:
 
     async def welcome(self, client: ClientHandle) -> None:
         """Give a new client its views, and its controls or the field for the PIN."""
-        if aspect_of(client) < ASPECT:
-            self.look(client, self.scene.settings.view)
+        self.look(client, self.scene.settings.view)
+        client.camera.on_update(self._turned(client))
         with client.atomic():
             self._add_views(client)
+            if self.sheet and any(step.poll for step in self.sheet.steps):
+                self._add_ballot(client)
             if self.pin is not None:
                 self._add_pin_field(client, self.pin)
             elif is_loopback(address_of(client)):
                 self.add_controls(client)
+        if aspect_of(client) < PORTRAIT:  # on a phone the panel is folded, once it is there
+            await asyncio.sleep(FOLDS)
+            client.gui.main_panel.minimize()
+
+    def _turned(self, client: ClientHandle) -> Callable[[Any], Any]:
+        """What to do when a client's camera moves: nothing, unless its window has another shape."""
+        shape = [aspect_of(client)]
+
+        async def look_again(camera: Any) -> None:
+            if abs(aspect_of(client) / shape[0] - 1) > 0.08:
+                shape[0] = aspect_of(client)
+                self.look(client, self.views.get(client.client_id, self.scene.settings.view))
+
+        return look_again
 
     async def forget(self, client: ClientHandle) -> None:
         """Drop the panel of a client that has gone."""
         self.panels.pop(client.client_id, None)
+        self.views.pop(client.client_id, None)
+        self.ballots.pop(client.client_id, None)
+        self.poll.forget(client.client_id)
 
     async def _follow(self) -> None:
         """Keep every panel at what the scene shows; runs in the event loop, between callbacks and
@@ -160,7 +227,7 @@ class Controls:
         """
         said = ""
         while True:
-            now = self.scene.settings, self.scene.legs, self.place
+            now = self.scene.settings, self.scene.legs, self.place, len(self.poll.votes)
             if now != self.followed:
                 self.followed = now
                 for panel in list(self.panels.values()):
@@ -170,20 +237,45 @@ class Controls:
                 self.big.content = said = words
             await asyncio.sleep(PERIOD)
 
-    def go_to(self, place: int) -> None:
-        """Show a step of the run sheet: its settings for all, its question for the room."""
+    def go_to(self, place: int, slowly: bool = True) -> None:
+        """Show a step of the run sheet: its settings for all, its question for the room. What the
+        room should see stays hidden until it is opened.
+        """
         if self.sheet is None:
             return
-        self.place = place
-        step = self.sheet.steps[place]
-        self.scene.change(**step.settings)
+        step, before = self.sheet.steps[place], self.scene.settings
+        wanted = step.settings
+        if step.slides and place:  # the machine itself goes on from the step before
+            first = self.sheet.steps[place - 1]
+            if place != self.place + 1 or not slowly:
+                self.scene.change(**first.settings)
+                before = self.scene.settings
+            wanted = {name: value for name, value in wanted.items() if name != "leg"}
+        self.place, self.opened = place, False
+        self.done = done_words(before, wanted) if slowly else ""
+        if slowly:
+            self.scene.bring(GLIDE, **wanted)
+        else:
+            self.scene.change(**wanted)
+        self.poll.open()
+        for ballot in self.ballots.values():
+            ballot.visible, ballot.disabled = bool(step.poll), False
         self.asked.content = room_words(step)
+
+    def open(self) -> None:
+        """Show the room what it should have seen, and how it voted."""
+        if self.sheet is not None:
+            self.opened = True
+            self.asked.content = room_words(self.sheet.steps[self.place], True, self.poll.counts())
+            for ballot in self.ballots.values():
+                ballot.visible = False
 
     def look(self, client: ClientHandle, view: str) -> None:
         """Move the camera of one client, and nobody else's, to where its window shows the whole
         view.
         """
-        position, target = fitted(self.scene.views[view], aspect_of(client))
+        self.views[client.client_id] = view
+        position, target = self.scene.views[view].camera(aspect_of(client))
         with client.atomic():
             client.camera.up_direction = (0.0, 0.0, 1.0)
             client.camera.position = position
@@ -195,6 +287,20 @@ class Controls:
         @buttons.on_click
         async def look(event: GuiEvent) -> None:
             self.look(client, buttons.value)
+
+    def _add_ballot(self, client: ClientHandle) -> None:
+        """A, B and C for one client, seen while a question is open and it has not voted."""
+        asked = bool(self.sheet.steps[self.place].poll) and not self.opened
+        ballot = client.gui.add_button_group("your answer", tuple(CHOICES), order=1.5,
+                                             visible=asked)
+        self.ballots[client.client_id] = ballot
+
+        @ballot.on_click
+        async def vote(event: GuiEvent) -> None:
+            if self.poll.take(client.client_id, ballot.value, address_of(client)):
+                ballot.visible = False
+                client.add_notification("Your answer", f"{ballot.value} is counted.",
+                                        auto_close_seconds=3.0)
 
     def _add_pin_field(self, client: ClientHandle, pin: Pin) -> None:
         folder = client.gui.add_folder("for the presenter", expand_by_default=False, order=9)
@@ -238,6 +344,29 @@ class Controls:
             self.scene.change(playing=False)
             self.scene.step(STEP)
 
+        if self.scene.live.legs is not None:
+            self._add_branch(client)
+
+    def _add_branch(self, client: ClientHandle) -> None:
+        """Let a client go to where it clicks on the branch; the plate to click on is its own."""
+        board, again = self.scene.board, client.gui.add_button(
+            "the jump once more", order=6, hint="with the other ending, where there is one")
+        plate = solids.box(0.0, WIDE * board.unit, 1.12 * HIGH * board.unit, 0.0, 0.01 * board.unit)
+        low = board.flat(BRANCH + [0.0, 0.56 * HIGH])
+        target = client.scene.add_mesh_simple("/board/branch to click", *plate, position=low,
+                                              opacity=0.0, cast_shadow=False, receive_shadow=False)
+
+        @target.on_click
+        async def clicked(event: Any) -> None:
+            eccentricity, first = board.picked(np.array(event.ray_origin),
+                                               np.array(event.ray_direction))
+            if math.isfinite(eccentricity):
+                self.scene.go_to(eccentricity / 100, 1e-6 * first)
+
+        @again.on_click
+        async def fly(event: GuiEvent) -> None:
+            self.scene.again()
+
     def _add_slider(self, panel: Panel, slider: Slider) -> None:
         low, high = (round(slider.units * bound, 6) for bound in self.scene.limits[slider.name])
         value = round(slider.units * getattr(self.scene.settings, slider.name), 6)
@@ -279,7 +408,7 @@ class Controls:
             labels = orbit_labels(self.scene)
             if tuple(handle.options) != labels:
                 handle.options = labels
-            handle.value = orbit_label(self.scene.settings.leg)
+            handle.value = str(self.scene.settings.leg + 1)
             if handle.visible != (len(labels) > 1):
                 handle.visible = len(labels) > 1
 
@@ -289,7 +418,8 @@ class Controls:
     def _add_sheet(self, panel: Panel, sheet: RunSheet) -> None:
         gui = panel.client.gui
         turn = gui.add_button_group("go to", ("back", "again", "next"))
-        words = gui.add_html(presenter_words(sheet, self.place))
+        show = gui.add_button("show the room what to see")
+        words = gui.add_html("")
 
         @turn.on_click
         async def turned(event: GuiEvent) -> None:
@@ -301,4 +431,12 @@ class Controls:
                 title, body = ENDS[by]
                 panel.client.add_notification(title, body, auto_close_seconds=6.0)
 
-        panel.follow.append(lambda: setattr(words, "content", presenter_words(sheet, self.place)))
+        @show.on_click
+        async def shown(event: GuiEvent) -> None:
+            self.open()
+
+        def follow() -> None:
+            words.content = presenter_words(sheet, self.place, self.done, self.poll.counts())
+
+        follow()
+        panel.follow.append(follow)

@@ -21,7 +21,6 @@ from hydrolab.figures.readings import percent
 from hydrolab.live.run_sheet import RunSheet
 from hydrolab.live.scene import MachineScene
 from hydrolab.live.server import close_server, open_server
-from hydrolab.live.surroundings import fitted
 from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
 
@@ -53,6 +52,7 @@ def record_scene(scene: MachineScene, path: str | Path, turns: int = TURNS, *,
     path = _checked(path)
     if isinstance(turns, bool) or not isinstance(turns, int) or turns < 1:
         raise BadInput(f"turns is {turns!r}; it must be a whole number of at least 1.")
+    turns *= scene.shown.orbit.revolutions
     seconds = 2 * math.pi * turns * scene.settings.slow_motion / scene.machine.speed
     frames = max(round(FRAMES * seconds), 8)
     with scene.paused():
@@ -151,7 +151,7 @@ def record_sheet(sheet: RunSheet, path: Path, turns: int = 3, *,
             for done, step in enumerate(sheet.steps, 1):
                 scene.change(**step.settings)
                 camera = server.initial_camera
-                camera.position, camera.look_at = fitted(scene.views[step.camera], FRAME)
+                camera.position, camera.look_at = scene.views[step.camera].camera(FRAME)
                 part = record_scene(scene, Path(folder) / "step.html", turns)
                 recordings.append(part.read_text(encoding="utf-8"))
                 if progress:

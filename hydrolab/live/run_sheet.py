@@ -13,20 +13,23 @@ from typing import Any
 
 from hydrolab.dynamics.harmonics import ellipse
 from hydrolab.errors import BadInput
-from hydrolab.explorers.legs import Legs, legs_of
-from hydrolab.live.moving_orbit import FIELDS, UNBALANCES
+from hydrolab.live.jump import ENDINGS
+from hydrolab.live.moving_orbit import FIELDS, UNBALANCES, LiveOrbit
 from hydrolab.machine.cards import load_machine, vary
 from hydrolab.machine.parts import Machine
 
-VIEWS = ("machine", "air gap", "lower end")
+VIEWS = ("machine", "air gap", "lower end", "along the axis")
 SWITCHES = ("playing", "names", "dark")
 NUMBERS = {"eccentricity": (0.0, 100.0), "orbit": (1, 9), "field": FIELDS, "unbalance": UNBALANCES,
-           "exaggeration": (1.0, 1000.0), "slow_motion": (1.0, 100.0)}
+           "exaggeration": (1.0, 1000.0), "bow": (1.0, 5000.0), "slow_motion": (1.0, 100.0)}
 WORDS = ("title", "camera", "cue", "see", "ask")
+CHOICES = "ABC"
+PARTS = {*WORDS, "minutes", "set", "holds", "poll", "answer"}
+DOUBLED = "of two revolutions"  # an orbit that the machine slides into
 START = {"eccentricity": 0.0, "orbit": 1, "field": 1.0, "unbalance": 1.0, "playing": True}
 # What `facts` computes and a step may hold.
 FACTS = ("orbits", "stable_orbits", "first_um", "across_um", "mean_um", "second_percent",
-         "axes_ratio", "smallest_gap_mm", "gap_mm", "offset_um", "fold_percent",
+         "axes_ratio", "revolutions", "smallest_gap_mm", "gap_mm", "offset_um", "fold_percent",
          "second_fold_percent", "third_fold_percent", "speed_rpm")
 
 
@@ -36,7 +39,8 @@ class Step:
     sheet.
 
     see: what the room should see; holds: the numbers in it, which a test computes again (see
-    `facts`).
+    `facts`). poll: what A, B, C stand for, where the room is asked; answer: the letter that the
+    machine gives. slides: the machine comes here by itself, from the step before.
     """
 
     title: str
@@ -47,15 +51,23 @@ class Step:
     see: str
     ask: str
     holds: Mapping[str, float]
+    poll: tuple[str, ...] = ()
+    answer: str = ""
+
+    @property
+    def slides(self) -> bool:
+        """Whether the machine comes to the step's orbit by itself, over an edge."""
+        return "ending" in self.state or self.state["orbit"] == DOUBLED
 
     @property
     def settings(self) -> dict[str, Any]:
         """The state in the units of the scene: eccentricity as a fraction of the gap, legs counted
         from 0.
         """
-        own = dict(self.state)
-        return {"static_eccentricity": own.pop("eccentricity") / 100,
-                "leg": int(own.pop("orbit")) - 1, **own}
+        own = {"ending": "any", **self.state}
+        orbit = own.pop("orbit")
+        leg = {} if orbit == DOUBLED else {"leg": int(orbit) - 1}
+        return {"static_eccentricity": own.pop("eccentricity") / 100, **leg, **own}
 
 
 @dataclass(frozen=True)
@@ -73,6 +85,8 @@ class RunSheet:
             lines += ["", f"{number}. {step.title} ({step.minutes:g} min; view: {step.camera})",
                       f"   Do:  {step.cue}",
                       f"   See: {step.see}", f"   Ask: {step.ask}"]
+            lines += [f"        {letter}: {text}{' (so it is)' * (letter == step.answer)}"
+                      for letter, text in zip(CHOICES, step.poll, strict=False)]
         return "\n".join(lines)
 
 
@@ -95,8 +109,10 @@ def load_run_sheet(path: Path) -> RunSheet:
     for number, row in enumerate(rows, 1):
         where = f"{path.name}, step {number}"
         _check_step(where, row)
-        state = state | row.get("set", {})
+        state = {name: value for name, value in state.items() if name != "ending"}
+        state |= row.get("set", {})
         steps.append(Step(minutes=row["minutes"], state=state, holds=row.get("holds", {}),
+                          poll=tuple(row.get("poll", ())), answer=row.get("answer", ""),
                           **{w: row[w] for w in WORDS}))
     total = sum(step.minutes for step in steps)
     if not math.isclose(total, table["minutes"]):
@@ -106,7 +122,7 @@ def load_run_sheet(path: Path) -> RunSheet:
 
 def _check_step(where: str, row: Any) -> None:
     """Raise BadInput where a step lacks something, or has it in another form or out of range."""
-    if not isinstance(row, dict) or (strange := set(row) - {*WORDS, "minutes", "set", "holds"}):
+    if not isinstance(row, dict) or (strange := set(row) - PARTS):
         what = ", ".join(sorted(strange)) if isinstance(row, dict) else row
         raise BadInput(f"{where}: {what!r} is no part of a step.")
     for word in WORDS:
@@ -116,6 +132,7 @@ def _check_step(where: str, row: Any) -> None:
         raise BadInput(f"{where}: camera is {row['camera']!r}; there are {', '.join(VIEWS)}.")
     if not _is_number(row.get("minutes")) or not 0 < row["minutes"] <= 180:
         raise BadInput(f"{where}: minutes is {row.get('minutes')!r}; give a number above 0.")
+    _check_poll(where, row)
     for part, trouble in (("set", _not_to_be_set), ("holds", _not_to_be_held)):
         table = row.get(part, {})
         if not isinstance(table, dict):
@@ -126,12 +143,26 @@ def _check_step(where: str, row: Any) -> None:
                 raise BadInput(f"{where}: {wrong}.")
 
 
+def _check_poll(where: str, row: dict[str, Any]) -> None:
+    """Raise BadInput where a poll has not three texts and one answer."""
+    poll = row.get("poll", [])
+    if not isinstance(poll, list) or len(poll) not in (0, 3) or not all(
+            isinstance(text, str) and text.strip() for text in poll):
+        raise BadInput(f"{where}: poll is {poll!r}; give three texts, for A, B and C.")
+    if ("answer" in row) != bool(poll) or (poll and row["answer"] not in tuple(CHOICES)):
+        raise BadInput(f"{where}: answer is {row.get('answer')!r}; a poll has one, A, B or C.")
+
+
 def _not_to_be_set(name: str, value: Any) -> str:
     """What is wrong with a setting of a step; nothing where it can be set."""
     if name in SWITCHES:
         return "" if isinstance(value, bool) else f"{name} is {value!r}; give true or false"
+    if name == "ending":
+        return "" if value in ENDINGS else f"ending is {value!r}; there are {', '.join(ENDINGS)}"
     if name not in NUMBERS:
-        return f"{name} cannot be set; there are {', '.join([*NUMBERS, *SWITCHES])}"
+        return f"{name} cannot be set; there are {', '.join([*NUMBERS, *SWITCHES, 'ending'])}"
+    if name == "orbit" and value == DOUBLED:
+        return ""
     low, high = NUMBERS[name]
     if not _is_number(value) or not low <= value <= high:
         return f"{name} is {value!r}; give a number from {low:g} to {high:g}"
@@ -160,32 +191,38 @@ def sheet_machine(sheet: RunSheet, step: Step) -> Machine:
                           "unbalance": step.state["unbalance"]})
 
 
-def facts(machine: Machine, step: Step, legs: Legs | None = None) -> dict[str, float]:
+def facts(machine: Machine, step: Step, live: LiveOrbit | None = None) -> dict[str, float]:
     """Everything a step may hold, computed: numbers of steady states, the shape of the one shown,
     the folds.
 
-    first, across: 1X in x and z, 0 to peak. axes_ratio: of the 1X ellipse, short to long. legs: of
-    this machine, if known. Raises BadInput where the step's orbit does not exist at its
-    eccentricity.
+    first, across: 1X in x and z, 0 to peak. axes_ratio: of the 1X ellipse, short to long. orbits:
+    of one revolution. live: of this machine, if known. Raises BadInput where the step's orbit does
+    not exist at its eccentricity.
     """
-    legs = legs or legs_of(machine)
-    eccentricity, leg = step.state["eccentricity"] / 100, int(step.state["orbit"]) - 1
-    orbit = legs.orbit(eccentricity, leg)
+    live = live or LiveOrbit(machine)
+    eccentricity, wanted = step.state["eccentricity"] / 100, step.state["orbit"]
+    legs = len(live.legs.all)
+    if wanted == DOUBLED:
+        live.look_for_doubled()
+        leg = next((i for i in live.stable_at(eccentricity) if i >= legs), -1)
+    else:
+        leg = int(wanted) - 1
+    orbit = live.orbit(eccentricity, leg)[0]
     if orbit is None:
-        raise BadInput(f"Step {step.title!r}: there is no orbit {leg + 1} at "
+        raise BadInput(f"Step {step.title!r}: there is no orbit {wanted} at "
                        f"{step.state['eccentricity']:g} %.")
-    there = {i: found for i in range(len(legs.all))
-             if (found := legs.orbit(eccentricity, i)) is not None}
-    first = ellipse(orbit.coefficients, 1)
-    folds = [100 * fold.value for fold in legs.branch.folds] + [math.nan] * 3
+    there = [live.orbit(eccentricity, i) for i in range(legs)]
+    q = orbit.revolutions
+    first = ellipse(orbit.coefficients, q)
+    folds = [100 * fold.value for fold in live.legs.branch.folds] + [math.nan] * 3
     return {
-        "orbits": len(there),
-        "stable_orbits": sum(legs.verdict(found, i) == "stable" for i, found in there.items()),
-        "first_um": 1e6 * float(orbit.amplitudes[0, 0]),
-        "across_um": 1e6 * float(orbit.amplitudes[1, 0]),
+        "orbits": sum(found is not None for found, _ in there),
+        "stable_orbits": sum(verdict == "stable" for _, verdict in there),
+        "first_um": 1e6 * float(orbit.amplitudes[0, q - 1]),
+        "across_um": 1e6 * float(orbit.amplitudes[1, q - 1]),
         "mean_um": 1e6 * math.hypot(*orbit.mean),
         "second_percent": 100 * orbit.second_share,
-        "axes_ratio": first.minor / first.major if first.major else math.nan,
+        "axes_ratio": first.minor / first.major if first.major else math.nan, "revolutions": q,
         "smallest_gap_mm": 1e3 * orbit.smallest_gap, "gap_mm": 1e3 * machine.air_gap.gap,
         "offset_um": 1e6 * eccentricity * machine.air_gap.gap,
         "fold_percent": folds[0], "second_fold_percent": folds[1], "third_fold_percent": folds[2],

@@ -1,81 +1,113 @@
-"""What stands around the 3D machine: floor, axis, lights, views, names, and the orbit in its gap
-circle as an inset.
-
-Here aspect: width over height. path: of a node in the scene. lines, colours: of segments.
-thickness: in pixels. dark: whether the page is. gap, factor: drawn over real. slow_motion, shown:
-what the scene is set to.
-"""
+"""What stands around the 3D machine: floor, a person, axis, lights, the views, and the names."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from itertools import groupby
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 from viser import ViserServer
 
-from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.figures.style import COLOURS
-from hydrolab.live import solids
-from hydrolab.live.bodies import AZIMUTH, LEFT, Sizes, bearing_places, drawn_radius, rgb
-from hydrolab.live.moving_orbit import gap_words
+from hydrolab.live.board import HALF, LOW, MARGIN, ORBIT, SIDE, TOP, Board
+from hydrolab.live.bodies import AZIMUTH, LEFT, Sizes, bearing_places, drawn_radius
+from hydrolab.live.labels import EM, Label
 from hydrolab.machine.parts import Machine
 
-INSET = 1.9  # units of the drawing: radius of the gap circle in the inset
 # vertical field of view: a longer lens than a page's usual 75 degrees bends the machine less
-LENS = math.radians(36)
-# units of the drawing: height of a name's letters, so that words and machine keep their places at
-# any size
-LETTERS = 0.3
-RISE = 0.44  # rad; how far above the horizon the first view stands
-ASPECT = 1.3  # width over height of the picture that the views fill
+LENS = math.radians(32)
+RISE = 0.36  # rad; how far above the horizon the first view stands
+ASPECT = 1.36  # width over height of the picture beside the panel on a screen of 1366 × 768
+LINE_GAP = 1.5  # em between two names
+PORTRAIT = 0.9  # below this a picture shows the machine or the board, not both
+ROOM = 1.04  # what a view shows, over what it must show
 
 Point = tuple[float, float, float]
-
-
-def inset_place(sizes: Sizes) -> NDArray:
-    """Centre of the inset, m: to the left in the first view, under the stator where there is room,
-    beside it where not.
-    """
-    rise = (INSET + 1.4) * sizes.unit
-    tucked = sizes.bottom + rise + (INSET + 1.2) * sizes.unit < sizes.top - 2 * sizes.height
-    aside = (INSET + 1.0) * sizes.unit + (0.62 if tucked else 1.2) * sizes.stator
-    return aside * LEFT + [0.0, 0.0, sizes.bottom + rise]
-
-
-def views_of(sizes: Sizes) -> dict[str, tuple[Point, Point]]:
-    """Camera position and the point it looks at, for each view: the machine, the air gap from
-    above, the lower end.
-    """
-    u, height = sizes.unit, sizes.top - sizes.bottom + 2.4 * sizes.unit
-    distance = max(0.5 * height, 1.6 * sizes.stator) / math.tan(LENS / 2) * 1.2
-
-    def seen(away: float, rise: float, at: float, aside: float = 0.0) -> tuple[Point, Point]:
-        centre = np.array([0.0, 0.0, at]) - aside * LEFT
-        return tuple((centre + away * towards_view(rise)).tolist()), tuple(centre.tolist())
-
-    return {"machine": seen(distance, RISE, 0.5 * (sizes.top + sizes.bottom) + 0.05 * u, 0.3 * u),
-            "air gap": seen(0.66 * distance + u, 0.85, sizes.middle - 0.8 * u, 0.5 * u),
-            "lower end": seen(0.42 * distance + u, 0.35, sizes.bottom + 1.2 * u, 0.4 * u)}
-
-
-def fitted(view: tuple[Point, Point], aspect: float) -> tuple[Point, Point]:
-    """A view from so far away that a picture of this width over height, as on a telephone, shows
-    all of it too.
-    """
-    position, target = np.array(view)
-    return tuple((target + max(1.0, ASPECT / aspect) * (position - target)).tolist()), view[1]
+RIGHT = -LEFT
 
 
 def towards_view(rise: float) -> NDArray:
     """Unit vector towards the first view's side, at an angle above the horizon, rad."""
     return np.array([math.cos(rise) * math.cos(AZIMUTH), math.cos(rise) * math.sin(AZIMUTH),
                      math.sin(rise)])
+
+
+def turn_of(rise: float) -> NDArray:
+    """Directions to the right, up and towards the camera of a view, as columns."""
+    facing = towards_view(rise)
+    return np.column_stack([RIGHT, np.cross(facing, RIGHT), facing])
+
+
+def add_board(server: ViserServer, sizes: Sizes, branch: bool) -> Board:
+    """The board to the left of the machine, facing the first view; on the ground."""
+    u, turn = sizes.unit, turn_of(RISE)
+    low = LOW if branch else ORBIT[1] - HALF - 3.0 * MARGIN
+    aside = 1.3 * max(sizes.stator, 1.2 * u) + (SIDE + 0.3) * u
+    middle = 0.5 * (sizes.top + sizes.bottom) + 0.5 * u
+    place = aside * LEFT + [0.0, 0.0, middle] - 0.5 * (low + TOP) * u * turn[:, 1]
+    return Board(server, u, place, turn, branch=branch)
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What a camera shall show. rise: of its direction above the horizon, rad. points: in the
+    scene, m, (P, 3). labels: whose boxes it shows too. beside, above: more points and labels,
+    where there is room.
+    """
+
+    rise: float
+    points: NDArray
+    labels: tuple[Label, ...] = ()
+    beside: NDArray | None = None
+    above: tuple[Label, ...] = ()
+
+    def camera(self, aspect: float) -> tuple[Point, Point]:
+        """Position and target of a camera as near as it may be to show all of it in a picture of
+        this width over height.
+        """
+        turn = turn_of(self.rise)
+        labels, more = list(self.labels), []
+        if self.beside is not None and aspect >= PORTRAIT:
+            more = [self.beside]
+            labels += self.above
+        boxes = [label.corners(turn[:, 0], turn[:, 1]) for label in labels]
+        a, b, c = (np.concatenate([self.points, *boxes, *more]) @ turn).T
+        high = math.tan(LENS / 2) / ROOM
+        wide = aspect * high
+        # |a − x| ≤ wide (d − c) for all points, and the same for b
+        right, left = (a + wide * c).max(), (-a + wide * c).max()
+        over, under = (b + high * c).max(), (-b + high * c).max()
+        away = max((right + left) / (2 * wide), (over + under) / (2 * high))
+        target = turn @ np.array([(right - left) / 2, (over - under) / 2, float(c.mean())])
+        position = target + (away - c.mean()) * turn[:, 2]
+        return tuple(position.tolist()), tuple(target.tolist())
+
+
+def views_of(sizes: Sizes, names: Names, board: Board) -> dict[str, View]:
+    """What each view shows: the machine, the air gap from above, the lower end, and the orbit as
+    seen along the axis.
+    """
+    u, wide = sizes.unit, max(1.2 * sizes.stator, 1.5 * sizes.unit)
+    around = np.array([[wide * math.cos(a), wide * math.sin(a), 0.0]
+                       for a in np.linspace(0, 2 * math.pi, 12, endpoint=False)])
+
+    def at(height: float, share: float = 1.0) -> NDArray:
+        return share * around + [0.0, 0.0, height]
+
+    middle, half = sizes.middle, 0.75 * sizes.height
+    whole = np.concatenate([at(sizes.top + 0.6 * u), at(middle - half),
+                            at(sizes.bottom - 0.9 * u, 0.55)])
+    corners, board_words = board.corners(), (names.gap,) if names.gap else ()
+    near = [label for label in names.names if abs(label.place[2] - middle) < 0.6 * sizes.height]
+    low = [label for label in names.names if label.place[2] < sizes.bottom + 2.5 * u]
+    return {"machine": View(RISE, whole, tuple(names.names), corners, (names.scale, *board_words)),
+            "air gap": View(0.85, np.concatenate([at(middle + half), at(middle - half)]),
+                            tuple(near)),
+            "lower end": View(0.3, np.concatenate([at(sizes.bottom - 0.9 * u, 0.5),
+                                                   at(sizes.bottom + 2.4 * u, 0.3)]), tuple(low)),
+            "along the axis": View(RISE, corners, board_words)}
 
 
 def add_lines(server: ViserServer, path: str, lines: NDArray, colours: Any,
@@ -109,69 +141,22 @@ def add_surroundings(server: ViserServer, sizes: Sizes, dark: bool) -> None:
     add_lines(server, "/axis", dashes, (190, 190, 190) if dark else (64, 64, 64), 2.0)
 
 
-@dataclass(frozen=True, eq=False)
-class Inset:
-    """The gap circle of `radius` m seen from above, x to the right and z up, with the orbit and a
-    dot that moves on it.
-    """
-
-    server: ViserServer
-    gap: float
-    radius: float
-    dot: Any
-
-    def dress(self, dark: bool) -> None:
-        """The plate and the stator's bore on it, light or dark."""
-        plain = {"side": "double", "cast_shadow": False, "receive_shadow": False}
-        plate, bore = ((52, 57, 66), (150, 162, 178)) if dark else ((250, 251, 253), (34, 48, 68))
-        r, add = self.radius, self.server.scene.add_mesh_simple
-        add("/inset/plate", *solids.ring(0.001 * r, r, -0.016 * r, -0.005 * r, steps=96),
-            color=plate, opacity=0.92, **plain)
-        add("/inset/bore", *solids.ring(r, 1.07 * r, -0.03 * r, 0.02 * r, steps=96), color=bore,
-            flat_shading=True, **plain)
-        cross = 0.06 * r * np.array([[[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]]])
-        add_lines(self.server, "/inset/centre", cross, bore, 2.0)
-
-    def draw(self, orbit: PeriodicOrbit, verdict: str) -> None:
-        """Draw an orbit in the circle, in the colour of its verdict."""
-        path = self.place(orbit.positions(2 * np.pi * np.arange(193) / 192) - orbit.centre[:, None])
-        add_lines(self.server, "/inset/orbit", np.stack([path[:-1], path[1:]], axis=1),
-                  rgb(COLOURS[verdict]), 5.0)
-
-    def place(self, eccentricity: NDArray) -> NDArray:
-        """Points of the inset for the rotor's place from the stator's centre, (2,) or (2, P), m."""
-        height = np.full(np.shape(eccentricity)[1:], 0.015 * self.radius)
-        return np.stack([*(eccentricity * self.radius / self.gap), height], axis=-1)
-
-
-def add_inset(server: ViserServer, sizes: Sizes, gap: float) -> Inset:
-    """The inset, facing the first view; nothing of it but the dot moves."""
-    radius, right, facing = INSET * sizes.unit, -LEFT, towards_view(RISE)
-    turn = np.column_stack([right, np.cross(facing, right), facing])
-    server.scene.add_frame("/inset", show_axes=False, position=inset_place(sizes),
-                           wxyz=np.roll(Rotation.from_matrix(turn).as_quat(), 1))
-    dot = server.scene.add_icosphere("/inset/dot", 0.045 * radius, color=rgb(COLOURS["unstable"]),
-                                     cast_shadow=False)
-    return Inset(server, gap, radius, dot)
-
-
 @dataclass(eq=False)
 class Names:
     """The labels: names that can be switched off, the smallest gap, and the scale of the drawing.
     """
 
-    names: list[Any]
-    gap: Any
-    scale: Any
+    names: list[Label]
+    gap: Label | None
+    scale: Label
 
-    def say(self, orbit: PeriodicOrbit, factor: float, slow_motion: float, shown: bool) -> None:
+    def say(self, gap: str, scale: str, shown: bool) -> None:
         """Bring the words up to date."""
-        self.scale.text = (f"displacements{' and gap' if self.gap else ''} × {factor:.0f}, "
-                           f"{slow_motion:.3g} times slower")
+        self.scale.say(scale)
         if self.gap is not None:
-            self.gap.text = f"smallest gap {gap_words(orbit)}"
+            self.gap.say(gap)
         for label in self.names:
-            label.visible = shown
+            label.handle.visible = shown
 
 
 def places_to_name(machine: Machine, sizes: Sizes,
@@ -181,44 +166,46 @@ def places_to_name(machine: Machine, sizes: Sizes,
     depths: of the bodies and then the cracks as drawn, m.
     """
     gap, u = machine.air_gap, sizes.unit
-    for body, depth in zip(machine.bodies, depths, strict=False):
-        outer = (1.24 * sizes.stator if gap and body.name == gap.body
-                 else 1.1 * drawn_radius(machine, body) + 0.2 * u)
-        yield body.name, outer * -LEFT + [0, 0, -depth]
     heights = bearing_places(machine, sizes.shaft) | {
         crack.name: -depth
         for crack, depth in zip(machine.cracks, depths[len(machine.bodies):], strict=True)}
+    aside = {}
+    for body, depth in zip(machine.bodies, depths, strict=False):
+        heights[body.name] = -float(depth)
+        aside[body.name] = (1.24 * sizes.stator if gap and body.name == gap.body
+                            else 1.1 * drawn_radius(machine, body) + 0.2 * u)
     rows = sorted(heights, key=heights.get)
-    for _, together in groupby(rows, key=lambda name: round(heights[name] / (LETTERS * u))):
-        words = [*together]
-        yield ", ".join(words), 5.4 * sizes.shaft * -LEFT + [0, 0, heights[words[0]]]
+    below = -math.inf
+    for words in together(rows, heights, LINE_GAP * EM * u):
+        # no two lines nearer than a line is high
+        below = max(heights[words[0]], below + LINE_GAP * EM * u)
+        outer = max(aside.get(name, 5.4 * sizes.shaft) for name in words)
+        yield ", ".join(words), outer * RIGHT + [0, 0, below]
 
 
-def add_names(server: ViserServer, machine: Machine, sizes: Sizes, depths: NDArray) -> Names:
-    """Names of the parts to their right, the smallest gap above the inset, the scale at the foot.
+def together(rows: Iterable[str], heights: dict[str, float], near: float) -> list[list[str]]:
+    """Names in groups at (nearly) one height."""
+    groups: list[list[str]] = []
+    for name in rows:
+        if groups and heights[name] - heights[groups[-1][0]] < 0.35 * near:
+            groups[-1].append(name)
+        else:
+            groups.append([name])
+    return groups
+
+
+def add_names(server: ViserServer, machine: Machine, sizes: Sizes, depths: NDArray,
+              board: Board) -> Names:
+    """Names of the parts to their right, the smallest gap above the board, the scale at the foot.
 
     depths: as in `places_to_name`.
     """
-    gap, names, u = machine.air_gap, [], sizes.unit
-
-    def label(path: str, text: str, place: NDArray, scale: float,
-              anchor: str = "center-left") -> Any:
-        return server.scene.add_label(path, text, position=tuple(place.tolist()), anchor=anchor,
-                                      font_size_mode="scene", font_scene_height=LETTERS * scale * u)
-
-    def name(text: str, place: NDArray, anchor: str = "center-left") -> None:
-        names.append(label(f"/names/{text}", text, place, 1.0, anchor))
-
-    for text, place in places_to_name(machine, sizes, depths):
-        name(text, place)
-    scale = label("/scale", "", np.array([0.0, 0.0, sizes.bottom - 2.1 * u]), 1.0, "top-center")
+    u, gap = sizes.unit, machine.air_gap
+    names = [Label.add(server, f"/names/{text}", text, place, EM * u)
+             for text, place in places_to_name(machine, sizes, depths)]
+    scale = Label.add(server, "/scale", "…", np.array([0.0, 0.0, sizes.bottom - 1.4 * u]), EM * u,
+                      "top-center")
     if gap is None:
         return Names(names, None, scale)
-    inset = inset_place(sizes)
-    middle = sizes.middle
-    name("stator, cut away", LEFT * 1.22 * sizes.stator + [0, 0, middle - 0.25 * u], "center-right")
-    name("arrow: magnetic pull", -LEFT * 0.35 * u + [0, 0, middle + 0.78 * gap.length + 0.3 * u])
-    name(f"orbit in its gap of {1e3 * gap.gap:.3g} mm", inset - [0, 0, (1.1 * INSET + 0.3) * u],
-         "top-center")
-    return Names(names, label("/gap", "", inset + [0, 0, (1.1 * INSET + 0.2) * u], 1.55,
-                              "bottom-center"), scale)
+    top = board.flat(np.array([0.0, TOP + 0.15]), 0.1) @ board.turn.T + board.place
+    return Names(names, Label.add(server, "/gap", "…", top, 1.35 * EM * u, "bottom-center"), scale)

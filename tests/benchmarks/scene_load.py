@@ -38,13 +38,13 @@ OPTIONS = {"subprotocols": [f"viser-v{viser.__version__}"], "max_size": None, "c
 
 
 def poses_in(data: bytes) -> int:
-    """How many poses of the whole machine a packet of the server holds: those of the dot in the
-    inset.
+    """How many poses of the whole machine a packet of the server holds: those of the dot on the
+    board.
     """
     size = int.from_bytes(data[8:16], "little")
     packet = msgspec.msgpack.decode(zstandard.ZstdDecompressor().decompress(
         data[16:16 + size], max_output_size=int.from_bytes(data[:8], "little")))
-    return sum(m["type"] == "SetPositionMessage" and m["name"] == "/inset/dot"
+    return sum(m["type"] == "SetPositionMessage" and m["name"] == "/board/dot"
                for m in packet["messages"])
 
 

@@ -62,7 +62,7 @@ def open_page(context, address):
 def expected(scene, phase):
     """Bone positions by numpy, 13 times (x, y, z)."""
     where = scene.where
-    return positions(where, where.motion(phase), scene.settings.exaggeration)[:where.nodes].tolist()
+    return positions(where.depths, scene.lens(where.motion(phase)))[:where.nodes].tolist()
 
 
 def test_bones_in_the_browser_are_numpys(browser, scene):
@@ -97,8 +97,7 @@ def test_a_recording_plays_from_disk_without_a_network(browser, scene, tmp_path)
     page.wait_for_function(f"first => JSON.stringify(({BONES})()) !== JSON.stringify(first)",
                            arg=first)
     found = np.array(page.evaluate(BONES))[:, :2]
-    around = scene.where.motion(2 * np.pi * np.arange(720) / 720)[:13, :2]
-    path_of_all = scene.settings.exaggeration * around
+    path_of_all = scene.lens(scene.where.motion(2 * np.pi * np.arange(720) / 720))[:13, :2]
     away = np.abs(found[:, :, None] - path_of_all).max(axis=1)
     assert away.max(axis=0).min() < 5e-3  # all bones are on the orbit, at one and the same phase
     # pause; a page that plays leaves a software renderer no time for a picture

@@ -69,7 +69,7 @@ def test_the_qr_code_holds_the_modules_in_half_blocks():
     (["--host", "0.0.0.0"], "which other computers may reach; open it to them with room=True (on "
                             "the command line: --room)"),
     (["--host", "203.0.113.9", "--room"], "it is no address of this computer"),
-    (["--run-sheet", "none"], "--run-sheet is 'none'; there are 5-minutes, 15-minutes, 45-minutes"),
+    (["--run-sheet", "none"], "there are 5-minutes, 15-minutes, 45-minutes, which-fault"),
     (["jeffcott", "--run-sheet", "5-minutes"], "The run sheet is about kaplan-150rpm"),
     (["no-such-card"], "no-such-card"),
     (["--viewers", "0"], "viewers is 0"),

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import threading
+import time
 from typing import ClassVar
 
 import numpy as np
@@ -10,8 +11,10 @@ import pytest
 
 from hydrolab.live.gate import FIRST_WAIT, GUESSES, Pin, new_digits
 from hydrolab.live.panel import Controls, big_number, presenter_words, room_words
+from hydrolab.live.poll import RATE, Poll
 from hydrolab.live.run_sheet import RunSheet, Step
 from hydrolab.live.server import open_server
+from hydrolab.live.surroundings import ASPECT
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,11 +24,25 @@ class Settings:
     field: float = 1.0
     unbalance: float = 1.0
     exaggeration: float = 100.0
+    bow: float = 200.0
     slow_motion: float = 20.0
     playing: bool = True
     names: bool = True
     dark: bool = False
+    ending: str = "any"
     view: str = "whole machine"
+
+
+@dataclasses.dataclass(frozen=True)
+class Look:
+    """A view that goes back by as much as the picture is narrower than it is made for."""
+
+    position: tuple
+    target: tuple
+
+    def camera(self, aspect):
+        away = max(1.0, ASPECT / aspect) * np.subtract(self.position, self.target)
+        return tuple((self.target + away).tolist()), self.target
 
 
 class Stage:
@@ -33,10 +50,12 @@ class Stage:
 
     limits: ClassVar = {"static_eccentricity": (0.0, 0.11), "field": (0.8, 1.1),
                         "unbalance": (0.0, 2.0),
-                        "exaggeration": (1.0, 300.0), "slow_motion": (1.0, 200.0)}
-    views: ClassVar = {"whole machine": ((9.0, 9.0, 3.0), (0.0, 0.0, -4.0)),
-                       "generator": ((5.0, 5.0, 2.0), (0.0, 0.0, 0.0)),
-                       "from above": ((0.1, 0.0, 12.0), (0.0, 0.0, 0.0))}
+                        "exaggeration": (1.0, 300.0), "bow": (1.0, 900.0),
+                        "slow_motion": (1.0, 200.0)}
+    views: ClassVar = {"whole machine": Look((9.0, 9.0, 3.0), (0.0, 0.0, -4.0)),
+                       "generator": Look((5.0, 5.0, 2.0), (0.0, 0.0, 0.0)),
+                       "from above": Look((0.1, 0.0, 12.0), (0.0, 0.0, 0.0))}
+    live: ClassVar = type("NoBranch", (), {"legs": None})
     smallest_gap = 7.844e-3
 
     def __init__(self):
@@ -59,6 +78,9 @@ class Stage:
             self.calls.append(settings)
             self.settings = dataclasses.replace(self.settings, **settings)
 
+    def bring(self, seconds, **settings):
+        self.change(**settings)
+
     def step(self, revolutions):
         self.calls.append(revolutions)
 
@@ -66,11 +88,13 @@ class Stage:
 STATE = {"eccentricity": 8.8, "orbit": 1, "field": 1.0, "unbalance": 1.0, "playing": True}
 SHEET = RunSheet("A short one", 3, "kaplan-150rpm", (
     Step("First", 1, "generator", STATE | {"eccentricity": 0.0}, "do 1", "see 1", "why 1?", {}),
-    Step("Second", 1, "from above", STATE, "do 2", "see 2", "why 2?", {}),
+    Step("Second", 1, "from above", STATE, "do 2", "see 2", "why 2?", {},
+         ("more", "less", "<none>"), "B"),
     Step("Third", 1, "generator", STATE | {"orbit": 3}, "do 3", "see <3>", "why 3?", {})))
 SLIDERS = {"static eccentricity, %": ("static_eccentricity", 8.8, 0.088),
            "field, % of the card's": ("field", 95.0, 0.95),
            "unbalance, % of the card's": ("unbalance", 50.0, 0.5),
+           "bow of the shaft drawn ×": ("bow", 300.0, 300.0),
            "displacements drawn ×": ("exaggeration", 70.0, 70.0),
            "slow motion ÷": ("slow_motion", 40.0, 40.0)}
 SWITCHES = {"play": ("playing", False), "names": ("names", False), "dark": ("dark", True)}
@@ -172,33 +196,36 @@ def test_a_view_moves_only_the_camera_of_the_one_who_clicked(stage, raw):
     one, two = raw(stage.port), raw(stage.port)
     names = two.control("names")
     one.set(one.control("view"), "generator")
-    moved = one.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraPositionMessage"])
-    assert list(moved[-1]["position"]) == [5.0, 5.0, 2.0]
+    one.wait(lambda me: any(list(m["position"]) == [5.0, 5.0, 2.0] for m in me.heard
+                            if m["type"] == "SetCameraPositionMessage"))
     one.wait(lambda me: [m for m in me.heard if m["type"] == "SetCameraLookAtMessage"
                          and not any(m["look_at"])])
     stage.scene.change(names=False)
     two.wait(lambda me: value_heard(me, names) is False)  # so it has heard all that came before
-    assert not [m for m in two.heard if m["type"].startswith("SetCamera")]
+    assert [list(m["position"]) for m in two.heard  # the first view, and no other
+            if m["type"] == "SetCameraPositionMessage"] == [[9.0, 9.0, 3.0]]
     assert stage.scene.calls == [{"names": False}]
 
 
 @pytest.mark.parametrize(("width", "height", "away"),
-                         [(640, 400, None), (1600, 400, None), (400, 800, 2.6), (800, 800, 1.3),
-                                                      (0, 0, None), (800, 0, None), (-4, 3, None),
-                          (1, 10**9, 1.3 / 0.3)])
+                         [(640, 400, None), (1600, 400, None), (400, 800, 2 * ASPECT),
+                          (800, 800, ASPECT), (0, 0, None), (800, 0, None), (-4, 3, None),
+                          (1, 10**9, ASPECT / 0.3)])
 def test_a_narrow_window_sees_the_whole_view_from_further_away(stage, raw, width, height, away):
     camera = raw.camera | {"image_width": width, "image_height": height}
     client = raw(stage.port, hello=False)
     client.say(camera)
     client.control("view")
-    position, target = map(np.array, stage.scene.views["whole machine"])
+    view = stage.scene.views["whole machine"]
+    position, target = np.array(view.position), np.array(view.target)
     moved = [m["position"] for m in client.heard if m["type"] == "SetCameraPositionMessage"]
-    assert moved == ([] if away is None else [pytest.approx(target + away * (position - target))])
+    assert moved == [pytest.approx(target + (away or 1.0) * (position - target))]
     client.set(client.control("view"), "generator")
     client.wait(lambda me: len([m for m in me.heard if m["type"] == "SetCameraPositionMessage"])
                 > len(moved))
     again = [m["position"] for m in client.heard if m["type"] == "SetCameraPositionMessage"][-1]
-    position, target = map(np.array, stage.scene.views["generator"])
+    view = stage.scene.views["generator"]
+    position, target = np.array(view.position), np.array(view.target)
     assert again == pytest.approx(target + (away or 1.0) * (position - target))
 
 
@@ -241,7 +268,8 @@ def notices(client):
 def test_only_the_pin_gives_controls(room, raw):
     watcher, presenter = raw(room.port), raw(room.port)
     watcher.control("take the controls")
-    assert set(watcher.labels()) == {"view", "PIN", "take the controls", "for the presenter"}
+    assert set(watcher.labels()) == {"view", "your answer", "PIN", "take the controls",
+                                     "for the presenter"}
     give(presenter, "314159")
     presenter.set(presenter.control("field, % of the card's"), 95.0)
     presenter.wait(lambda _: room.scene.settings.field == 0.95)
@@ -302,19 +330,21 @@ def test_a_presenter_goes_through_the_run_sheet(room, raw):
     presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.088))
     presenter.wait(lambda me: "A short one: step 2 of 3" in html_shown(me)
                    and "do 2" in html_shown(me))
+    presenter.wait(lambda me: "static eccentricity 0 → 8.8 %." in html_shown(me))  # what was done
     watcher.wait(lambda me: "why 2?" in html_shown(me))
-    assert "do 2" not in html_shown(watcher)
-    camera = presenter.wait(lambda me: [m for m in me.heard
-                                        if m["type"] == "SetCameraPositionMessage"])
-    assert list(camera[-1]["position"]) == [0.1, 0.0, 12.0]
-    assert not [m for m in watcher.heard if m["type"].startswith("SetCamera")]
+    assert "do 2" not in html_shown(watcher) and "see 2" not in html_shown(watcher)
+    presenter.wait(lambda me: any(list(m["position"]) == [0.1, 0.0, 12.0] for m in me.heard
+                                  if m["type"] == "SetCameraPositionMessage"))
+    assert len([m for m in watcher.heard if m["type"] == "SetCameraPositionMessage"]) == 1
+    presenter.set(presenter.control("show the room what to see"), True)
+    watcher.wait(lambda me: "see 2" in html_shown(me))
     for press in ("next", "next"):
         presenter.set(turn, press)
     presenter.wait(lambda _: room.scene.settings.leg == 2)
     told = presenter.wait(lambda me: [m["props"]["title"] for m in me.heard
                                       if m["type"] == "NotificationShowMessage"])
     assert told == ["That was the last step"]  # the end is not silent, and nothing moves
-    presenter.wait(lambda me: "step 3 of 3" in html_shown(me) and "see &lt;3&gt;" in html_shown(me))
+    presenter.wait(lambda me: "step 3 of 3" in html_shown(me) and "do 3" in html_shown(me))
     presenter.set(presenter.control("static eccentricity, %"), 1.0)
     presenter.wait(lambda _: room.scene.settings.static_eccentricity == pytest.approx(0.01))
     presenter.set(turn, "again")
@@ -324,6 +354,89 @@ def test_a_presenter_goes_through_the_run_sheet(room, raw):
     presenter.wait(lambda _: room.controls.place == 0
                    and room.scene.settings.static_eccentricity == 0)
     assert room.scene.settings.leg == 0
+
+
+# --- the poll
+
+def test_the_room_votes_once_each_and_the_presenter_sees_the_counts(room, raw):
+    presenter, *phones = (raw(room.port) for _ in range(4))
+    give(presenter, "314159")
+    presenter.set(presenter.control("go to"), "next")
+    for phone, letter in zip(phones, "BBC", strict=True):
+        ballot = phone.control("your answer")
+        phone.wait(lambda me, b=ballot: visible_heard(me, b) is True)
+        before = len(room.controls.poll.votes)
+        for nonsense in ("D", "", "AB", 1, None, ["A"], {"A": 1}, math.nan, "A" * 5000):
+            phone.set(ballot, nonsense)
+        while len(room.controls.poll.votes) == before:  # one after another, not all at once
+            phone.set(ballot, letter)
+            time.sleep(2 / RATE)
+        phone.wait(lambda me, b=ballot: visible_heard(me, b) is False)
+        phone.set(ballot, "A")  # a second vote
+    presenter.wait(lambda me: "A 0 · B 2 · C 1" in html_shown(me))
+    assert "B: less (2)" not in html_shown(phones[0])
+    presenter.set(presenter.control("show the room what to see"), True)
+    phones[0].wait(lambda me: "<b>B: less (2)</b>" in html_shown(me)
+                   and "C: &lt;none&gt; (1)" in html_shown(me))
+    assert room.scene.settings.static_eccentricity == pytest.approx(0.088)
+    assert all(phone.closed is None for phone in phones)
+    phones[0].close()
+    presenter.wait(lambda me: "A 0 · B 1 · C 1" in html_shown(me))  # a vote goes with its phone
+    presenter.set(presenter.control("go to"), "next")
+    presenter.wait(lambda _: not room.controls.poll.votes)
+
+
+def visible_heard(client, uuid):
+    """Whether a client was last told that a control is to be seen."""
+    told = [m["updates"]["visible"] for m in list(client.heard)
+            if m["type"] == "GuiUpdateMessage" and m["uuid"] == uuid and "visible" in m["updates"]]
+    return told[-1] if told else None
+
+
+def test_votes_come_no_faster_than_people_tap_from_one_address():
+    clock = [0.0]
+    poll = Poll(now=lambda: clock[0])
+    assert poll.take(1, "A", "a") and not poll.take(2, "A", "a") and poll.take(2, "B", "b")
+    clock[0] += 1.01 / RATE
+    assert poll.take(3, "C", "a") and not poll.take(3, "C", "c") and not poll.take(4, "D", "c")
+    assert poll.counts() == [1, 1, 1]
+    poll.forget(3)
+    assert poll.counts() == [1, 1, 0]
+    poll.open()
+    assert poll.counts() == [0, 0, 0]
+
+
+# --- a click on the branch
+
+def test_only_a_presenter_can_click_on_the_branch_and_only_with_sense(raw):
+    from hydrolab import load_machine
+    from hydrolab.live.scene import MachineScene
+
+    server = open_server(port=0)
+    scene = MachineScene(server, load_machine("kaplan-150rpm"))
+    Controls(server, scene, Pin("314159"))
+    presenter, watcher = raw(server.get_port()), raw(server.get_port())
+    give(presenter, "314159")
+    presenter.control("the jump once more")
+    plate = presenter.wait(lambda me: [m for m in me.heard if m["type"] == "MeshMessage"
+                                       and m["name"] == "/board/branch to click"])[0]
+    ray = scene.board.turn @ np.array([0.0, 0.0, -1.0])
+    at = scene.board.flat(scene.board.on_branch(np.array(5.0), np.array(235.0)), 0.0)
+    origin = scene.board.turn @ at + scene.board.place - 5 * ray
+    click = {"type": "SceneNodeClickMessage", "name": "/board/branch to click",
+             "instance_index": None, "ray_origin": origin.tolist(), "ray_direction": ray.tolist(),
+             "screen_pos": [0.5, 0.5], "modifier": None, "owner": plate["owner"]}
+    for wrong in ({"ray_origin": [math.nan] * 3}, {"ray_direction": [0.0] * 3},
+                  {"ray_origin": [1e9] * 3}, {"name": "/board/dot"}, {"modifier": "shift"}):
+        presenter.say(click | wrong)
+    watcher.say(click)
+    watcher.set(watcher.control("view"), "air gap")
+    watcher.wait(lambda me: len([m for m in me.heard
+                                 if m["type"] == "SetCameraPositionMessage"]) > 1)
+    assert scene.settings.static_eccentricity == 0.0
+    presenter.say(click)
+    presenter.wait(lambda _: scene.settings.static_eccentricity == pytest.approx(0.05, abs=1e-6))
+    assert presenter.closed is None
 
 
 # --- the parts

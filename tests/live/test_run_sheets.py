@@ -3,6 +3,7 @@ gets a sentence.
 """
 
 import functools
+import html
 import json
 import re
 from pathlib import Path
@@ -11,9 +12,11 @@ import pytest
 
 from hydrolab import load_machine
 from hydrolab.errors import BadInput
-from hydrolab.explorers.legs import legs_of
+from hydrolab.live.gate import Pin
+from hydrolab.live.moving_orbit import LiveOrbit
+from hydrolab.live.panel import Controls
 from hydrolab.live.recording import record_sheet
-from hydrolab.live.run_sheet import FACTS, RunSheet, facts, load_run_sheet, sheet_machine
+from hydrolab.live.run_sheet import DOUBLED, FACTS, RunSheet, facts, load_run_sheet, sheet_machine
 from hydrolab.live.scene import MachineScene
 from hydrolab.live.server import open_server
 
@@ -34,12 +37,12 @@ def numbers(text):
 def legs(card, field, unbalance):
     sheet = RunSheet("", 1, card, ())
     step = type("S", (), {"state": {"field": field, "unbalance": unbalance}})
-    return legs_of(sheet_machine(sheet, step))
+    return LiveOrbit(sheet_machine(sheet, step))
 
 
-def test_there_are_three_of_the_lengths_that_lectures_have():
+def test_there_are_three_of_the_lengths_that_lectures_have_and_one_for_chapter_12():
     assert [(path.stem, load_run_sheet(path).minutes) for path in SHEETS] == [
-        ("15-minutes", 15), ("45-minutes", 45), ("5-minutes", 5)]
+        ("15-minutes", 15), ("45-minutes", 45), ("5-minutes", 5), ("which-fault", 10)]
 
 
 @pytest.mark.parametrize("path", SHEETS, ids=lambda path: path.stem)
@@ -70,37 +73,51 @@ def test_every_number_the_room_is_told_holds(path):
 def test_a_shown_orbit_is_one_the_machine_can_be_in(path):
     sheet = load_run_sheet(path)
     for step in sheet.steps:
-        branch = legs(sheet.card, step.state["field"], step.state["unbalance"])
-        leg = step.state["orbit"] - 1
-        orbit = branch.orbit(step.state["eccentricity"] / 100, leg)
-        assert branch.verdict(orbit, leg) == "stable", step.title
+        live = legs(sheet.card, step.state["field"], step.state["unbalance"])
+        if step.state["orbit"] == DOUBLED:
+            live.look_for_doubled()
+            assert [i for i in live.stable_at(step.state["eccentricity"] / 100)
+                    if i >= len(live.legs.all)], step.title
+            continue
+        assert live.orbit(step.state["eccentricity"] / 100,
+                          step.state["orbit"] - 1)[1] == "stable", step.title
 
 
 @pytest.mark.parametrize("path", SHEETS, ids=lambda path: path.stem)
 def test_the_scene_shows_what_a_step_says_forward_and_back(path):
     sheet = load_run_sheet(path)
-    scene = MachineScene(open_server(port=0), load_machine(sheet.card),
-                         legs("kaplan-150rpm", 1.0, 1.0).branch)
-    for step in [*sheet.steps, *reversed(sheet.steps)]:
-        scene.change(**step.settings)
-        branch = legs(sheet.card, step.state["field"], step.state["unbalance"])
-        orbit = branch.orbit(step.settings["static_eccentricity"], step.settings["leg"])
-        assert scene.shown.leg == step.settings["leg"], step.title
-        assert scene.shown.verdict == "stable" and not scene.shown.jumped, step.title
-        assert scene.smallest_gap == pytest.approx(orbit.smallest_gap, rel=1e-5), step.title
-        assert set(scene.legs) >= {step.settings["leg"]}
+    server = open_server(port=0)
+    scene = MachineScene(server, load_machine(sheet.card))
+    controls = Controls(server, scene, Pin("314159"), sheet)
+    for place in [*range(1, len(sheet.steps)), *reversed(range(len(sheet.steps)))]:
+        step = sheet.steps[place]
+        controls.go_to(place)
+        live = legs(sheet.card, step.state["field"], step.state["unbalance"])
+        leg = scene.settings.leg
+        if step.state["orbit"] == DOUBLED:
+            assert scene.shown.orbit.revolutions == 2, step.title
+            orbit = scene.shown.orbit
+        else:
+            assert leg == step.settings["leg"], step.title
+            orbit, _ = live.orbit(step.settings["static_eccentricity"], leg)
+        assert scene.shown.leg == leg and scene.shown.verdict == "stable", step.title
+        assert scene.flight is None and scene.smallest_gap == pytest.approx(
+            orbit.smallest_gap, rel=1e-5), step.title
+        assert ("settles on" in scene.reading) == ("ending" in step.state), step.title
+        assert step.see not in controls.asked.content
+        controls.open()
+        assert html.escape(step.see) in controls.asked.content
 
 
 def test_past_the_fold_the_machine_jumps_and_does_not_come_back_by_itself():
-    scene = MachineScene(open_server(port=0), load_machine("kaplan-150rpm"),
-                         legs("kaplan-150rpm", 1.0, 1.0).branch)
+    scene = MachineScene(open_server(port=0), load_machine("kaplan-150rpm"))
     scene.change(static_eccentricity=0.088)
     assert (scene.shown.leg, scene.legs) == (0, (0, 2))
-    scene.change(static_eccentricity=0.09)
-    assert scene.shown.leg == 2 and scene.shown.jumped and "jumps to leg 3" in scene.reading
+    scene.change(static_eccentricity=0.09, ending="orbit")
+    assert scene.shown.leg == 2 and "settles on leg 3" in scene.reading
     assert scene.settings.leg == 2
     scene.change(static_eccentricity=0.085)
-    assert scene.shown.leg == 2 and not scene.shown.jumped
+    assert scene.shown.leg == 2
     scene.change(leg=0)
     assert scene.shown.leg == 0
 
@@ -116,7 +133,8 @@ def test_what_the_sheets_say_of_the_shipped_unit_is_what_time_integration_finds(
     for leg, first in ((0, 647e-6), (2, 1422e-6)):
         motion = integrate(unit.model(), RungeKutta(rtol=1e-7), speed=unit.speed,
                            static_eccentricity=0.088,
-                           revolutions=30, start=branch.orbit(0.088, leg), disturbance=(2e-5, 0.0))
+                           revolutions=30, start=branch.orbit(0.088, leg)[0],
+                           disturbance=(2e-5, 0.0))
         assert motion.finished
         sine, cosine = motion.coefficients(4)[0, 1:3]
         assert abs((sine**2 + cosine**2) ** 0.5 - first) < 1e-6
@@ -157,6 +175,10 @@ TOP = 'title = "T"\nminutes = 1\ncard = "kaplan-150rpm"\n'
     (TOP + STEP + "set = { orbit = 1.5 }", "orbit is 1.5; give a whole number"),
     (TOP + STEP + "set = { speed = 3 }", "speed cannot be set"),
     (TOP + STEP + "set = { names = 1 }", "names is 1; give true or false"),
+    (TOP + STEP + 'poll = ["a", "b"]', "poll is ['a', 'b']; give three texts"),
+    (TOP + STEP + 'poll = ["a", "b", "c"]', "answer is None; a poll has one"),
+    (TOP + STEP + 'answer = "A"', "answer is 'A'"),
+    (TOP + STEP + 'set = { ending = "bang" }', "ending is 'bang'; there are any, orbit, stator"),
     (TOP + STEP + "holds = { weight = 1 }", "holds weight = 1"),
     (TOP + STEP + "set = 5", "set is 5"),
 ])

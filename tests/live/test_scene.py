@@ -45,10 +45,10 @@ def bones(scene):
 def test_every_card_has_a_scene(server, card):
     scene = MachineScene(server, load_machine(card), playing=False)
     assert {body.name for body in scene.machine.bodies} <= set(scene.parts.moving)
-    assert (scene.inset is None) == (card == "three-disc")
+    assert scene.board.branch == (card != "three-disc")
     scene.change(dark=True, unbalance=1.5, field=0.9, names=False)
     scene.step(0.3)
-    assert re.search(r"drawn \d+ times", scene.reading)
+    assert re.search(r"(Gap|Motion) × \d+", scene.reading)
 
 
 def test_a_straight_shaft_is_said_to_be_one(server):
@@ -57,12 +57,12 @@ def test_a_straight_shaft_is_said_to_be_one(server):
 
 
 def test_bones_bodies_and_stator_are_where_the_orbit_says(shared, kaplan):
-    shared.change(static_eccentricity=0.088, leg=0, exaggeration=40.0)
+    shared.change(static_eccentricity=0.088, leg=0, exaggeration=40.0, bow=40.0)
     orbit = HarmonicBalance(4).solve(kaplan.model(), kaplan.speed, 0.088)
     where = stations(kaplan, orbit)
     for phase in (0.0, 1.0, 4.0):
         shared.draw(phase)
-        place = positions(where, where.motion(phase), 40.0)
+        place = positions(where.depths, 40.0 * where.motion(phase))
         assert bones(shared) == pytest.approx(place[:where.nodes], abs=2e-5)
         assert shared.parts.moving["generator"].position == pytest.approx(place[where.nodes],
                                                                           abs=2e-5)
@@ -113,12 +113,82 @@ def test_two_stable_orbits_at_one_eccentricity(shared):
     assert shared.legs == (0, 2)
 
 
-def test_past_the_fold_it_jumps_and_says_so(shared):
+def test_past_the_fold_it_leaves_and_the_room_sees_both_ends(shared):
+    """The motion over the edge ends on the large orbit or at the stator; the board's ball and dot
+    are where it is, and `again` shows the other end.
+    """
     shared.change(static_eccentricity=0.088, leg=0)
-    shared.change(static_eccentricity=shared.limits["static_eccentricity"][1] * 0.9 + 0.1 * 0.088)
-    assert "jumps to leg 3" in shared.reading and shared.settings.leg == 2
+    shared.change(static_eccentricity=0.09, ending="orbit")
+    assert "leg 1 has ended" in shared.reading and "settles on leg 3" in shared.reading
+    assert shared.settings.leg == 2 and shared.flight is None
+    own = shared.live.legs.orbit(0.09, 2)
+    assert shared.smallest_gap == pytest.approx(own.smallest_gap)
     shared.change(static_eccentricity=0.088)  # and it does not come back by itself
     assert "Leg 3" in shared.reading
+    shared.change(static_eccentricity=0.088, leg=0)
+    shared.change(static_eccentricity=0.09, ending="stator")
+    flight, touched = shared.flight, shared.phase - shared._begun
+    assert shared.held and "touches the stator" in shared.reading and shared.smallest_gap == 0.0
+    gap = shared.machine.air_gap.gap
+    away = flight.rotor(np.array([touched]))[0] - [0.09 * gap, 0.0]
+    assert np.hypot(*away) == pytest.approx(gap, rel=0.03)
+    shared.again()
+    shared._update(math.inf)
+    assert shared.flight is None and shared.settings.leg == 2
+    shared.change(static_eccentricity=0.088, leg=0, ending="any")
+
+
+def test_the_motion_over_the_edge_is_that_of_another_integrator(shared, kaplan):
+    """From the orbit at the fold, moved on at phase 0: the same motion by central differences on
+    all degrees of freedom.
+    """
+    from hydrolab import CentralDifference, integrate
+    from hydrolab.paper.study import stable_steps
+
+    start = shared.live.own.branch.at_fold(0)
+    shared.change(static_eccentricity=0.088, leg=0)
+    shared.change(static_eccentricity=0.092)
+    jump = shared.jump
+    shared.change(static_eccentricity=0.088, leg=0)
+    flight = jump.flight(0)
+    model = kaplan.model()
+    true = integrate(model, CentralDifference(2 * stable_steps(model, kaplan.speed)),
+                     speed=kaplan.speed, static_eccentricity=0.092, start=start, revolutions=8)
+    times, path = true.last(8.0)
+    turns = (times - times[0]) * kaplan.speed / (2 * np.pi)
+    mine = np.array([np.interp(turns, flight.times, column) for column in flight.path.T])
+    inside = (turns > 0.5) & (turns < 7.5)
+    moved = np.abs(path - start.positions(2 * np.pi * turns))[:, inside].max()
+    assert np.abs(mine - path)[:, inside].max() < 0.1 * moved
+
+
+def test_below_the_flip_the_motion_repeats_every_two_revolutions(shared):
+    shared.change(static_eccentricity=0.082, leg=2)
+    shared.change(static_eccentricity=0.078)
+    assert "repeats every two revolutions" in shared.reading
+    assert shared.shown.orbit.revolutions == 2 and shared.shown.verdict == "stable"
+    orbit = shared.shown.orbit
+    for phase in (0.4, 0.4 + 2 * np.pi):
+        shared.draw(phase)
+        dot = np.asarray(shared.board.moving["dot"].position)[:2] / shared.board.unit
+        assert dot == pytest.approx(shared.board.in_square(orbit.positions([phase])[:, 0]),
+                                    abs=1e-4)
+    assert "two revolutions" in " ".join(label.text for label in shared.board.labels.values())
+    shared.change(static_eccentricity=0.068)  # past its fold, and back on the small orbit
+    assert shared.settings.leg == 0 and "settles on leg 1" in shared.reading
+
+
+def test_a_place_on_the_branch_is_found_by_a_ray(shared):
+    board = shared.board
+    for eccentricity, first in ((4.0, 220.0), (8.5, 1600.0)):
+        at = board.flat(board.on_branch(np.array(eccentricity), np.array(first)), 0.0)
+        ray = board.turn @ np.array([0.1, -0.2, -1.0])
+        origin = board.turn @ at + board.place - 7.0 * ray
+        assert board.picked(origin, ray) == pytest.approx((eccentricity, first), rel=1e-6)
+        shared.go_to(eccentricity / 100, first * 1e-6)
+        assert shared.settings.static_eccentricity == pytest.approx(eccentricity / 100)
+    assert shared.settings.leg == 2
+    assert math.isnan(board.picked(origin, -board.turn[:, 0])[0])
 
 
 @pytest.mark.parametrize(("wanted", "words"), [
@@ -141,8 +211,11 @@ def test_numbers_are_clamped(shared):
     assert (s.static_eccentricity, s.field, s.exaggeration, s.slow_motion) == (
         limits["static_eccentricity"][1], limits["field"][0], limits["exaggeration"][1],
         limits["slow_motion"][0])
-    shared.change(static_eccentricity=0.088, field=1.0, exaggeration=50.0, leg=77, slow_motion=8.0)
-    assert shared.settings.leg == 2
+    shared.change(static_eccentricity=0.088, field=1.0, exaggeration=50.0, leg=0, slow_motion=8.0)
+    shared.change(leg=77)
+    assert shared.settings.leg == len(shared.live.ways) - 1
+    assert "has no steady state" in shared.reading
+    shared.change(leg=0)
 
 
 def test_the_slider_says_what_is_drawn(shared):
@@ -157,7 +230,7 @@ def test_the_slider_says_what_is_drawn(shared):
     steepest = np.hypot(*shared.where.motion(np.linspace(0, 2 * np.pi, 500))[:, 2:]
                         .transpose(1, 0, 2)).max()
     assert large * steepest == pytest.approx(0.15, rel=1e-3)
-    assert f"drawn {large:.0f} times" in shared.reading
+    assert f"× {large:.0f}" in shared.reading
     assert f"× {large:.0f}" in shared.names.scale.text
     shared.draw(0.0)
     at = shared.where.nodes
