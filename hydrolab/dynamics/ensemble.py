@@ -177,8 +177,8 @@ def turn(system: Split, states: NDArray, course: Course, first: float, steps: in
     """One revolution of many motions, from phase 0 at the time `first` (in revolutions).
 
     states: [q, q̇], (2r, m). members: their numbers in the course, (m,). seen: takes q in the middle
-    of each step, (r, m), where the forces are kicks. Returns the states at the end, and the time at which each touched, nan
-    where it did not; the state of one that touched means nothing.
+    of each step, (r, m), where the forces are kicks. Returns the states at the end, and the time at
+    which each touched, nan where it did not; the state of one that touched means nothing.
     """
     if system.implicit:
         return _turn_implicitly(system, states, course, first, steps, members)

@@ -46,8 +46,8 @@ class Jump:
         self.orbits, self.legs = tuple(orbits), tuple(legs)
         self.system = split_for(start, STEPS, MODES)
         if self.system.implicit:
-            raise BadInput(f"Forces of {machine.name} damp or are stiff; its motion over an edge is "
-                           "not shown.")
+            raise BadInput(f"Forces of {machine.name} damp or are stiff; its motion over an edge "
+                           "is not shown.")
         turns = start.revolutions * np.arange(MEMBERS) / MEMBERS
         unit = np.array([[start.model.gap], [0.0]])
         there = Setting(unit * np.full(MEMBERS, value))
