@@ -264,7 +264,8 @@ class MachineScene:
     def reading(self) -> str:
         """What is shown, in words."""
         if self.flight is not None:
-            return f"{self.shown.words} {self._story}"
+            told = self._story if self.held else "Its motion is integrated, and shown."
+            return f"{self.shown.words} {told}"
         return f"{self.shown.words} {reading(self.shown.orbit)} {self._said_scale}."
 
     @property
