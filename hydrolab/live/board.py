@@ -3,6 +3,10 @@ the machine.
 
 It is a part of the scene, so that every page and every recording shows it at the machine's own
 instant: what moves on it moves by its pose, but for the tail.
+
+Here points, segments: on the board, in units of the drawing. above: how far in front of it, the
+same. first: 1X, µm. path: of a node in the scene. place: m. right, up: of a camera. colour: as in
+CSS or RGB. thickness: in pixels. origin, direction: of a ray in the scene.
 """
 
 from __future__ import annotations
@@ -24,7 +28,47 @@ from hydrolab.figures.readings import microns
 from hydrolab.figures.style import BLUE, COLOURS, PURPLE
 from hydrolab.live import solids
 from hydrolab.live.bodies import PAINT, linear_rgb, rgb
-from hydrolab.live.labels import EM, Label
+
+EM = 0.4  # units of the drawing: height of letters; 18 pixels at least on a screen of 768
+WIDTH, PAD, LINE = 0.6, 0.3, 1.45  # em: of a letter on average, beside the words, of a line
+
+
+@dataclass(eq=False)
+class Label:
+    """A text that faces the camera. em: height of its letters, m; anchor: as viser has it."""
+
+    handle: Any
+    text: str
+    place: NDArray
+    em: float
+    anchor: str
+
+    @classmethod
+    def add(cls, server: ViserServer, path: str, text: str, place: NDArray, em: float,
+            anchor: str = "center-left") -> Label:
+        """Write a text into a scene."""
+        place = np.asarray(place, float)
+        handle = server.scene.add_label(path, text, position=place, anchor=anchor,
+                                        font_size_mode="scene", font_scene_height=em)
+        return cls(handle, text, place, em, anchor)
+
+    def say(self, text: str, place: NDArray | None = None) -> None:
+        """Change the text, and where it is."""
+        if text != self.text:
+            self.handle.text = self.text = text
+        if place is not None and not np.array_equal(place, self.place):
+            self.place = np.asarray(place, float)
+            self.handle.position = self.place
+
+    def corners(self, right: NDArray, up: NDArray) -> NDArray:
+        """Two opposite corners of its box, m, for a camera with these directions, (2, 3)."""
+        row, column = self.anchor.split("-")
+        wide, high = self.em * (WIDTH * len(self.text) + 2 * PAD), self.em * LINE
+        x = {"left": 0.0, "center": -0.5, "right": -1.0}[column]
+        y = {"bottom": 0.0, "center": -0.5, "top": -1.0}[row]
+        low = self.place + x * wide * right + y * high * up
+        return np.stack([low, low + wide * right + high * up])
+
 
 # in units of the drawing: half of the orbit's square, the branch's width and height, the margin
 HALF, WIDE, HIGH, MARGIN = 3.1, 5.3, 2.7, 0.35

@@ -299,7 +299,7 @@ class Parts:
         if bearing in self.machine.films:
             return "#96703C", [UNCUT]
         if bearing in self.machine.pad_bearings:
-            x, z = bearing.law().directions
+            x, z = bearing.law_in_line(self.machine.speed).directions
             wide = min(0.25, 0.8 * math.pi / len(x))
             return "#D69E24", [(a - wide, a + wide) for a in np.arctan2(z, x)]
         return "#D69E24", [(a, a + 0.5) for a in np.arange(UNCUT[0] + 0.06, UNCUT[1] - 0.5, 0.62)]

@@ -22,7 +22,7 @@ import secrets
 import threading
 import time
 import warnings
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 from ipaddress import ip_address
@@ -59,6 +59,7 @@ ADDRESSES = 10_000  # remembered at once; the oldest is forgotten
 LARGEST_MESSAGE = 16 * 1024  # bytes; a camera message has about 400
 MOST_A_SECOND = 500  # messages of one client; a browser that turns its camera sends about 60
 LONGEST_TEXT = 64  # characters in a text field
+CHOICES = "ABC"  # of a question to the room
 # places kept for pages on the server's own computer, so that nobody can keep the presenter out
 OWN = 5
 
@@ -304,3 +305,44 @@ def is_no_clients_mistake(record: logging.LogRecord) -> bool:
     about it.
     """
     return record.getMessage() not in ("connection handler failed", "opening handshake failed")
+
+
+RATE = 10.0  # votes a second from one address, where a whole room may sit behind one
+
+
+@dataclass(eq=False)
+class Poll:
+    """The votes on the question that is open, by connection; a vote goes with its connection, so
+    that coming back adds none. Only the event loop touches it.
+    """
+
+    now: Callable[[], float] = field(default=time.monotonic, repr=False)
+    votes: dict[int, str] = field(default_factory=dict)
+    _last: OrderedDict[str, float] = field(default_factory=OrderedDict, repr=False)
+
+    def open(self) -> None:
+        """Begin with a new question."""
+        self.votes.clear()
+
+    def take(self, connection: int, choice: object, address: str) -> bool:
+        """Count a vote, or not: a second one, one too soon after another from the address, or one
+        that is no choice.
+        """
+        soon = self.now() - self._last.get(address, -1e9) < 1 / RATE
+        if choice not in tuple(CHOICES) or connection in self.votes or soon:
+            return False
+        self._last[address] = self.now()
+        self._last.move_to_end(address)
+        if len(self._last) > ADDRESSES:
+            self._last.popitem(last=False)
+        self.votes[connection] = str(choice)
+        return True
+
+    def forget(self, connection: int) -> None:
+        """A connection has gone, and its vote with it."""
+        self.votes.pop(connection, None)
+
+    def counts(self) -> list[int]:
+        """Votes for each of the choices."""
+        found = Counter(self.votes.values())
+        return [found[letter] for letter in CHOICES]

@@ -5,6 +5,9 @@ Controls belong to one client (`client.gui`); what they set belongs to the scene
 several presenters follow each other. Callbacks are coroutines: viser runs them one after the other
 in its event loop, and the last move of a slider is the last that counts. They only set the scene's
 settings; the scene's own loop does the work.
+
+counts: votes for A, B, C. place: number of a step, 0 is the first. slowly: as a person would.
+before, wanted: settings.
 """
 
 from __future__ import annotations
@@ -21,9 +24,8 @@ from viser import ClientHandle, GuiEvent, ViserServer
 
 from hydrolab.live import solids
 from hydrolab.live.board import BRANCH, HIGH, WIDE
-from hydrolab.live.gate import Pin, address_of
-from hydrolab.live.poll import Poll
-from hydrolab.live.run_sheet import CHOICES, RunSheet, Step
+from hydrolab.live.gate import CHOICES, Pin, Poll, address_of
+from hydrolab.live.run_sheet import RunSheet, Step
 from hydrolab.live.server import is_loopback, stop_with_server
 from hydrolab.live.surroundings import ASPECT, PORTRAIT
 

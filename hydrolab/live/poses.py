@@ -7,7 +7,8 @@ machine. Another one exaggerates the bow of the shaft, by which it leaves the st
 generator to its far end: as steel bends little, the bow would not be seen with the first.
 
 Here motion: of each station. stator_radius: m. factor: of exaggeration. side: which of the two.
-where: the stations. flat: what draws the bow no larger than the rest. turn: with the spin, rad.
+depths: y of the stations, m. where: the stations. flat: what draws the bow no larger than the rest.
+turn: with the spin, rad.
 """
 
 from __future__ import annotations

@@ -13,8 +13,8 @@ from typing import Any
 
 from hydrolab.dynamics.harmonics import ellipse
 from hydrolab.errors import BadInput
-from hydrolab.live.jump import ENDINGS
-from hydrolab.live.moving_orbit import FIELDS, UNBALANCES, LiveOrbit
+from hydrolab.live.gate import CHOICES
+from hydrolab.live.moving_orbit import ENDINGS, FIELDS, UNBALANCES, LiveOrbit
 from hydrolab.machine.cards import load_machine, vary
 from hydrolab.machine.parts import Machine
 
@@ -23,7 +23,6 @@ SWITCHES = ("playing", "names", "dark")
 NUMBERS = {"eccentricity": (0.0, 100.0), "orbit": (1, 9), "field": FIELDS, "unbalance": UNBALANCES,
            "exaggeration": (1.0, 1000.0), "bow": (1.0, 5000.0), "slow_motion": (1.0, 100.0)}
 WORDS = ("title", "camera", "cue", "see", "ask")
-CHOICES = "ABC"
 PARTS = {*WORDS, "minutes", "set", "holds", "poll", "answer"}
 DOUBLED = "of two revolutions"  # an orbit that the machine slides into
 START = {"eccentricity": 0.0, "orbit": 1, "field": 1.0, "unbalance": 1.0, "playing": True}

@@ -2,6 +2,8 @@
 
 What moves in each frame moves by its pose, within one atomic block; properties change only when a
 setting does. One thread owns the solver: `change` only says what is wanted.
+
+words: what each text may be. first: 1X in x, m 0-to-peak.
 """
 
 from __future__ import annotations
@@ -25,8 +27,16 @@ from hydrolab.errors import BadInput
 from hydrolab.figures.readings import reading
 from hydrolab.live.board import phases_of_tail
 from hydrolab.live.bodies import Parts, orbit_colours, sizes_of
-from hydrolab.live.jump import ENDINGS, SLOWED, Flight, Jump
-from hydrolab.live.moving_orbit import FIELDS, UNBALANCES, LiveOrbit, Shown
+from hydrolab.live.moving_orbit import (
+    ENDINGS,
+    FIELDS,
+    SLOWED,
+    UNBALANCES,
+    Flight,
+    Jump,
+    LiveOrbit,
+    Shown,
+)
 from hydrolab.live.poses import (
     Magnified,
     largest_bow,

@@ -1,4 +1,9 @@
-"""What stands around the 3D machine: floor, a person, axis, lights, the views, and the names."""
+"""What stands around the 3D machine: floor, a person, axis, lights, the views, and the names.
+
+Here aspect: width over height. path: of a node in the scene. lines, colours: of segments.
+thickness: in pixels. dark: whether the page is. branch: whether there is one to draw. gap, scale:
+words. shown: whether names are. near: m. heights: of names, m. board: it.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from viser import ViserServer
 
-from hydrolab.live.board import HALF, LOW, MARGIN, ORBIT, SIDE, TOP, Board
+from hydrolab.live.board import EM, HALF, LOW, MARGIN, ORBIT, SIDE, TOP, Board, Label
 from hydrolab.live.bodies import AZIMUTH, LEFT, Sizes, bearing_places, drawn_radius
-from hydrolab.live.labels import EM, Label
 from hydrolab.machine.parts import Machine
 
 # vertical field of view: a longer lens than a page's usual 75 degrees bends the machine less

@@ -76,7 +76,7 @@ def test_the_qr_code_holds_the_modules_in_half_blocks():
     (["--record", "film.mp4"], "film.mp4"),
     (["--eccentricity", "9.5"], "static eccentricity is 9.5 %; orbit 1 exists from 0 % to 8.9"),
     (["--eccentricity", "nan"], "static eccentricity is nan %"),
-    (["--orbit", "4"], "orbit is 4; "),
+    (["--orbit", "7"], "orbit is 7; "),
     (["three-disc", "--eccentricity", "3"], "has no air gap"),
     (["--eccentricity", "3", "--run-sheet", "5-minutes"], "A run sheet sets eccentricity and orbit "
                                                           "itself"),

@@ -9,9 +9,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from hydrolab.live.gate import FIRST_WAIT, GUESSES, Pin, new_digits
+from hydrolab.live.gate import FIRST_WAIT, GUESSES, RATE, Pin, Poll, new_digits
 from hydrolab.live.panel import Controls, big_number, presenter_words, room_words
-from hydrolab.live.poll import RATE, Poll
 from hydrolab.live.run_sheet import RunSheet, Step
 from hydrolab.live.server import open_server
 from hydrolab.live.surroundings import ASPECT
