@@ -3,18 +3,15 @@ numbers typed here; the library computes nothing of the expected values.
 """
 
 import math
-import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from scipy.integrate import quad
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 import hydrolab
 from hydrolab.course.exercises import exercise
 
-CARD = Path(hydrolab.__file__).parent / "machine" / "cards" / "kaplan-150rpm.toml"
 RPM, TURN = math.pi / 30, 2 * math.pi
 GAP, FIELD = 0.011, 0.5  # m, T
 PULL = math.pi * FIELD**2 * 2.9945 * 0.97 / (4e-7 * math.pi * GAP)  # N/m, Table 1
@@ -49,43 +46,47 @@ def split_of_mode(n: int, speed: float) -> float:
     return 100 * ((root + b) / (root - b) - 1)
 
 
-def stiffness_at_the_generator(guide: float, turbine: float) -> float:
-    """Eq. (8.1), N/m; depths in m."""
-    b, span, shear = 0.472, turbine - guide, 0.9 * STEEL / 2.6 * AREA
+def stiffness_at_the_generator(guide: float, turbine: float, thicker: float) -> float:
+    """Eq. (8.1), N/m; depths in m, with a shaft so many times as thick as the card's."""
+    b, span, shear = 0.472, turbine - guide, 0.9 * STEEL / 2.6 * AREA * thicker**2
+    bending = STEEL * SECOND * thicker**4
     a = guide + b
     return 1 / ((1 + a / span) ** 2 / 1.37e9 + (a / span) ** 2 / 1.64e9
-                + (a**3 - b**3 + a**2 * span) / (3 * STEEL * SECOND)
+                + (a**3 - b**3 + a**2 * span) / (3 * bending)
                 + (a - b + a**2 / span) / shear)
 
 
 BY_HAND = {
     "0.1a": 3 * math.pi,
     "0.1b": 1.5,
+    "0.3": 1 / (1 / 78.3 - 0.25 * (1 / 78.3 - 1 / 200)),  # 1/radius goes with the stiffness
     "1.1": OMEGA / math.sqrt(0.9) / RPM,
     "1.2": 1e6 * abs(response(600 * RPM) + ARM),
-    "1.3": ["backward" if math.sqrt(2.2e8 / MASS) < speed * RPM < OMEGA else "forward"
+    # x = 210 sin Ωt and z = 150 sin(Ωt + 60°): the largest sum of their squares
+    "1.3": math.sqrt((210**2 + 150**2) / 2
+                     + math.hypot((210**2 - 150**2) / 2, 210 * 150 * math.cos(math.pi / 3))),
+    "1.4": ["backward" if math.sqrt(2.2e8 / MASS) < speed * RPM < OMEGA else "forward"
             for speed in (330, 385, 450)],
-    "1.4": ARM / (2 * 6e-3),
+    "1.5": OMEGA / RPM * minimize_scalar(lambda r: r**3 / (r**2 - 1), (1.1, 2, 4)).x,
     "2.1a": 1e-3 * PULL * 0.25 * GAP / (1 - 0.25**2) ** 1.5,
     "2.1b": 1e-3 * PULL * 0.25 * GAP / (1 - 0.25**2) ** 1.5 / 9.81,
-    "2.2": brentq(lambda kappa: offset(kappa) - 0.15, 1.5, 3),
+    "2.2": math.log(offset(1.0004) / offset(1.0001)) / math.log(4),
     "2.3": FIELD * math.sqrt((SPRING - MASS * (300 * RPM) ** 2) / PULL),
     "3.1": math.ceil(math.pi * 3000 / 2.5),
-    "3.2": TURN * OMEGA / (150 * RPM) / math.sqrt(24e-4),
+    "3.2": TURN * OMEGA / (150 * RPM) / math.sqrt(12e-4),
     "4.1": 3 * (2 * 8 + 1),
     "4.2": 3 * 4 + 4 + 1,
     "5.1": 3.0,
-    "6.1": 1e-6 * 48 * STEEL * SECOND / LENGTH**3,
-    "6.2": split_of_mode(3, 500.0),
+    "6.1": 1e-6 * 48 * STEEL * math.pi / 64 * 0.6**4 / 8**3,
+    "6.2": split_of_mode(4, 800.0),
     "6.3": 13 / 35,  # the consistent mass matrix of any textbook
     "7.1": 119.4,
     "7.3": 2 * math.sqrt(5.98 * 21.60) / (5.98 + 21.60),  # the modes that the chapter prints, Hz
-    "8.1": stiffness_at_the_generator(LENGTH / 12, 8.123) / PULL,
-    "8.2": 0.5,
-    "9.2": 2,
+    "8.1": stiffness_at_the_generator(0.9533, 8.123, 0.8 / 0.71) / PULL,
+    "9.2": 512 * math.sqrt(62.10),
     "11.1": 1.5 * PULL * GAP * (0.2 / 11) ** 2,
-    "11.2": -4,
-    "12.1": 2 * math.sqrt(2) * 71,
+    "11.2": [-2, 4],
+    "12.1": 2 * math.sqrt(2) * 83,
     "12.2": 6.3e-3 / (150 * RPM) * 31310,
 }
 
@@ -100,16 +101,10 @@ def test_answer_is_that_by_hand(number):
 
 
 def test_an_oval_stator_pulls_unevenly():
-    """2.4: x is a quarter turn from z."""
-    asked = exercise("2.4")
+    """2.5: x is a quarter turn from z."""
+    asked = exercise("2.5")
     assert asked.measure(asked.right()) == pytest.approx(
         [oval_slope(math.pi / 2), oval_slope(0.0)], rel=1e-6)
-
-
-def test_sources_are_those_of_the_card():
-    """0.3: counted in the card's text."""
-    found = re.findall(r'source = "([^"]+)"', CARD.read_text(encoding="utf-8"))
-    assert exercise("0.3").right() == {word: found.count(word) for word in set(found)}
 
 
 def test_an_order_below_two():
