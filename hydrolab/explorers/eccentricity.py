@@ -157,7 +157,7 @@ class EccentricityView(View):
                 f"the last one is left in grey.{reach} {others}")
 
     def pick(self, x: float, y: float) -> dict[str, float] | None:
-        """Eccentricity (%) and leg of the branch's point nearest to a place in the figure."""
+        """Eccentricity (%) and leg of the branch's point nearest to x, y in the figure."""
         found = self.diagram.pick(x, y)
         return found and {"eccentricity": found[0], "leg": found[1]}
 

@@ -145,7 +145,7 @@ class BranchView(View):
                 f"{states}{self.legs.where}{told}.")
 
     def pick(self, x: float, y: float) -> dict[str, float] | None:
-        """Eccentricity (%) of the branch's point nearest to a place in either diagram."""
+        """Eccentricity (%) of the branch's point nearest to x, y in either diagram."""
         for axes, number in zip(self.axes, self._numbers(self.legs), strict=True):
             eccentricity, values, _ = self.legs.dense(number)
             if (at := nearest(axes, x, y, np.column_stack([eccentricity, values]))) is not None:

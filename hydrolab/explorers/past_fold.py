@@ -87,7 +87,7 @@ class PastFoldView(View):
         return f"At {percent(eccentricity / 100)} the branch has {found}. {self._where()}{told}"
 
     def pick(self, x: float, y: float) -> dict[str, float] | None:
-        """Eccentricity (%) of the branch's point nearest to a place in the figure."""
+        """Eccentricity (%) of the branch's point nearest to x, y in the figure."""
         found = self.diagram.pick(x, y)
         return found and {"eccentricity": found[0]}
 

@@ -6,7 +6,8 @@ instant: what moves on it moves by its pose, but for the tail.
 
 Here points, segments: on the board, in units of the drawing. above: how far in front of it, the
 same. first: 1X, µm. path: of a node in the scene. place: m. right, up: of a camera. colour: as in
-CSS or RGB. thickness: in pixels. origin, direction: of a ray in the scene.
+CSS or RGB. thickness: in pixels. at: where. anchor: as viser has it. size: times EM. verdict: on
+an orbit. tail: places of the rotor, m. eccentricity: %. origin, direction: of a ray in the scene.
 """
 
 from __future__ import annotations

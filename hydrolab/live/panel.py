@@ -36,9 +36,13 @@ FOLDS = 1.0  # s until a page has its panel
 PERIOD = 0.1  # s between looks at what the scene shows
 GLIDE = 2.0  # s; in which a step of the run sheet brings the machine to its settings
 STEP = 1 / 12  # of a revolution, for the step button
-# viser's own warnings at the foot of the panel, where they cover neither machine nor words
+# viser's own warnings at the foot of the panel, where they cover neither machine nor words; what
+# lies under them can be clicked
 STYLE = """<style>.mantine-Notifications-root {left: auto !important; right: 0;
-top: auto !important; bottom: 0 !important; width: 18em !important; font-size: 0.8em}</style>"""
+top: auto !important; bottom: 0 !important; width: 18em !important; font-size: 0.8em}
+.mantine-Notifications-root, .mantine-Notifications-root :not(button) {
+pointer-events: none !important}
+.mantine-Notifications-root button {pointer-events: auto}</style>"""
 ENDS = {-1: ("This is the first step", "next goes on from here."),
         1: ("That was the last step", "back shows the one before; again shows this one.")}
 

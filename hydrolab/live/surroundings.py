@@ -2,7 +2,7 @@
 
 Here aspect: width over height. path: of a node in the scene. lines, colours: of segments.
 thickness: in pixels. dark: whether the page is. branch: whether there is one to draw. gap, scale:
-words. shown: whether names are. near: m. heights: of names, m. board: it.
+words. shown: whether names are. near: m. heights: of names, m. board: it. rows: names.
 """
 
 from __future__ import annotations

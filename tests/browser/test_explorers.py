@@ -35,8 +35,9 @@ scene = next(stop.__self__ for stop in server._open.stops
              if hasattr(stop, '__self__') and hasattr(stop.__self__, 'shown'))
 scene.stop()
 scene.draw(1.0)
-found = positions(scene.drawn, scene.drawn.motion(1.0), scene.settings.exaggeration)
-print(json.dumps(found[:scene.drawn.nodes].tolist()))
+where = scene.where
+found = positions(where.depths, scene.lens(where.motion(1.0)))
+print(json.dumps(found[:where.nodes].tolist()))
 """
 
 pytestmark = pytest.mark.browser
