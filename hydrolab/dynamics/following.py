@@ -216,7 +216,7 @@ def walk(along: Path, origin: PeriodicOrbit, to: float, method: Arclength,
                             "Solve for one with HarmonicBalance.")
     values = np.array([s.parameter for s in steps]) * along.scale
     stopped = stopped or (f"No further point was found near {along.say(values[-1])}, down to the "
-                          "smallest step.")
+                          f"smallest step.{_refusal(along, steps[-1], method)}")
     return Branch(along, values, np.array([s.y for s in steps]),
                   np.array([s.residual for s in steps]) * eq.force, tuple(folds), stopped, method,
                   closed)
@@ -242,6 +242,18 @@ def _reason(along: Path, steps: list[Step], to: float, method: Arclength, closed
         return f"It came back to {along.say(first)}, where it began."
     if len(steps) >= method.max_points:
         return f"It has the {method.max_points} points that were allowed."
+    return ""
+
+
+def _refusal(along: Path, last: Step, method: Arclength) -> str:
+    """What a machine says to the parameter a step ahead, where it is not known: past the end of a
+    bearing's table, at a speed below zero.
+    """
+    ahead = last.parameter + math.copysign(method.step, last.tangent[-1])
+    try:
+        along.at(ahead * along.scale)
+    except BadInput as refused:
+        return f" {refused}"
     return ""
 
 

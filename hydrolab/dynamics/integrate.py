@@ -105,9 +105,9 @@ def on_floats(law: CircularPull) -> Callable[[float, float], tuple[float, ...]]:
 
 def explicit_pull(task: Task) -> Callable[[float, NDArray, NDArray], NDArray]:
     """The forces at a time, a known position and velocity (c,), N, for a loop."""
-    if type(task.model.law) is not CircularPull:
+    if not task.model.law.closed_form:
         return task.force
-    law, (xe, ze) = on_floats(task.model.law), task.centre.tolist()
+    law, (xe, ze) = on_floats(cast(CircularPull, task.model.law)), task.centre.tolist()
 
     def pull(t: float, u: NDArray, rate: NDArray) -> NDArray:
         x, z = u.tolist()
@@ -274,7 +274,7 @@ class Newmark:
         dt = 2 * math.pi / task.speed / n
         advance, push, load = newmark_matrices(m, task.speed, dt, self.beta, self.gamma)
         compliance, mobility = m.selection @ push[:r], m.selection @ push[r:2 * r]
-        if type(m.law) is CircularPull:
+        if m.law.closed_form:
             pull = implicit_pull(task, compliance)
         else:
             pull = implicit_forces(task, compliance, mobility)

@@ -29,7 +29,6 @@ from hydrolab.dynamics.harmonics import amplitudes, long_axis
 from hydrolab.dynamics.results import clearances
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.model import ARRAYS, Model
-from hydrolab.machine.pull import CircularPull
 from hydrolab.machine.quantities import number, shown
 
 if TYPE_CHECKING:
@@ -170,7 +169,7 @@ def _axes(machine: Machine, x: str, x_values: ArrayLike, y: str, y_values: Array
         raise BadInput(f"machine is {shown(machine)}; it must be a Machine, such as load_machine "
                        "gives.")
     law = machine.model().law
-    if type(law) is not CircularPull:
+    if not law.closed_form:
         raise BadInput(f"{machine.name} has the law {type(law).__name__}; a map is solved in "
                        "batches, which know the pull of a round gap alone. Use `follow` for one "
                        "branch at a time.")

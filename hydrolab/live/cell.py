@@ -23,6 +23,7 @@ from hydrolab.machine.cards import load_machine, vary
 from hydrolab.machine.model import ARRAYS
 from hydrolab.machine.parts import Machine
 
+NEAR = 2e-3  # of the gap; farther from the steady state of every leg, an orbit is on none
 ELSEWHERE = {"COLAB_RELEASE_TAG": "on Google Colab", "KAGGLE_KERNEL_RUN_TYPE": "on Kaggle",
              "CODESPACES": "in a Codespace", "SSH_CONNECTION": "on a computer reached over SSH"}
 
@@ -143,6 +144,8 @@ def _machine_of(equations: Condensed, machine: Machine | None) -> Machine:
 def _leg_of(orbit: PeriodicOrbit, scene: MachineScene) -> int:
     """The leg of the branch that an orbit is on: where the steady state at its eccentricity is
     nearest.
+
+    Raises BadInput where none is near.
     """
     legs = scene.live.legs
     if legs is None:
@@ -152,4 +155,8 @@ def _leg_of(orbit: PeriodicOrbit, scene: MachineScene) -> int:
     columns = min(orbit.coefficients.shape[1], 2 * scene.live.balance.harmonics + 1)
     away = {i: np.abs(there.coefficients[:, :columns] - orbit.coefficients[:, :columns]).max()
             for i, there in found.items()}
-    return min(away, key=away.get, default=0)
+    leg = min(away, key=away.get, default=0)
+    if not away or away[leg] > NEAR * orbit.model.length_scale:
+        raise BadInput(f"This steady state at {100 * orbit.static_eccentricity:.4g} % is not on "
+                       "the branch that begins at the centre, and the 3D view shows that branch.")
+    return leg

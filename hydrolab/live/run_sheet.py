@@ -11,12 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hydrolab.dynamics.harmonics import ellipse
 from hydrolab.errors import BadInput
 from hydrolab.live.gate import CHOICES
-from hydrolab.live.moving_orbit import ENDINGS, FIELDS, UNBALANCES, LiveOrbit
-from hydrolab.machine.cards import load_machine, vary
-from hydrolab.machine.parts import Machine
+from hydrolab.live.moving_orbit import ENDINGS, FIELDS, UNBALANCES
 
 VIEWS = ("machine", "air gap", "lower end", "along the axis")
 SWITCHES = ("playing", "names", "dark")
@@ -26,7 +23,7 @@ WORDS = ("title", "camera", "cue", "see", "ask")
 PARTS = {*WORDS, "minutes", "set", "holds", "poll", "answer"}
 DOUBLED = "of two revolutions"  # an orbit that the machine slides into
 START = {"eccentricity": 0.0, "orbit": 1, "field": 1.0, "unbalance": 1.0, "playing": True}
-# What `facts` computes and a step may hold.
+# What a step may hold; a test computes them.
 FACTS = ("orbits", "stable_orbits", "first_um", "across_um", "mean_um", "second_percent",
          "axes_ratio", "revolutions", "smallest_gap_mm", "gap_mm", "offset_um", "fold_percent",
          "second_fold_percent", "third_fold_percent", "speed_rpm")
@@ -37,9 +34,9 @@ class Step:
     """One step of a run sheet. `state` is everything that was set up to here, in the units of the
     sheet.
 
-    see: what the room should see; holds: the numbers in it, which a test computes again (see
-    `facts`). poll: what A, B, C stand for, where the room is asked; answer: the letter that the
-    machine gives. slides: the machine comes here by itself, from the step before.
+    see: what the room should see; holds: the numbers in it, which a test computes again. poll: what
+    A, B, C stand for, where the room is asked; answer: the letter that the machine gives. slides:
+    the machine comes here by itself, from the step before.
     """
 
     title: str
@@ -178,52 +175,3 @@ def _not_to_be_held(name: str, value: Any) -> str:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def sheet_machine(sheet: RunSheet, step: Step) -> Machine:
-    """The machine of a step: the sheet's card with the step's field and unbalance.
-
-    Raises BadInput for a card that there is not.
-    """
-    machine = load_machine(sheet.card)
-    return vary(machine, {"field": step.state["field"] * machine.air_gap.field,
-                          "unbalance": step.state["unbalance"]})
-
-
-def facts(machine: Machine, step: Step, live: LiveOrbit | None = None) -> dict[str, float]:
-    """Everything a step may hold, computed: numbers of steady states, the shape of the one shown,
-    the folds.
-
-    first, across: 1X in x and z, 0 to peak. axes_ratio: of the 1X ellipse, short to long. orbits:
-    of one revolution. live: of this machine, if known. Raises BadInput where the step's orbit does
-    not exist at its eccentricity.
-    """
-    live = live or LiveOrbit(machine)
-    eccentricity, wanted = step.state["eccentricity"] / 100, step.state["orbit"]
-    legs = len(live.legs.all)
-    if wanted == DOUBLED:
-        live.look_for_doubled()
-        leg = next((i for i in live.stable_at(eccentricity) if i >= legs), -1)
-    else:
-        leg = int(wanted) - 1
-    orbit = live.orbit(eccentricity, leg)[0]
-    if orbit is None:
-        raise BadInput(f"Step {step.title!r}: there is no orbit {wanted} at "
-                       f"{step.state['eccentricity']:g} %.")
-    there = [live.orbit(eccentricity, i) for i in range(legs)]
-    q = orbit.revolutions
-    first = ellipse(orbit.coefficients, q)
-    folds = [100 * fold.value for fold in live.legs.branch.folds] + [math.nan] * 3
-    return {
-        "orbits": sum(found is not None for found, _ in there),
-        "stable_orbits": sum(verdict == "stable" for _, verdict in there),
-        "first_um": 1e6 * float(orbit.amplitudes[0, q - 1]),
-        "across_um": 1e6 * float(orbit.amplitudes[1, q - 1]),
-        "mean_um": 1e6 * math.hypot(*orbit.mean),
-        "second_percent": 100 * orbit.second_share,
-        "axes_ratio": first.minor / first.major if first.major else math.nan, "revolutions": q,
-        "smallest_gap_mm": 1e3 * orbit.smallest_gap, "gap_mm": 1e3 * machine.air_gap.gap,
-        "offset_um": 1e6 * eccentricity * machine.air_gap.gap,
-        "fold_percent": folds[0], "second_fold_percent": folds[1], "third_fold_percent": folds[2],
-        "speed_rpm": machine.speed * 30 / math.pi,
-    }

@@ -139,25 +139,20 @@ OTHERWISE = [  # what else goes wrong with any number: slips that no exercise fo
     lambda v: v * math.pi / 30, lambda v: v * 30 / math.pi, lambda v: 2 * math.pi * v,
     lambda v: v / (2 * math.pi), lambda v: 60 * v, lambda v: v / 60, lambda v: 1e3 * v,
     lambda v: v / 1e3, lambda v: 100 * v, lambda v: v / 100, lambda v: v * v, lambda v: 1 / v,
-    lambda v: 4 * v, lambda v: v / 4, lambda v: 0.11 * v, lambda v: 0.5 * v, lambda v: 9.81 * v,
+    lambda v: 4 * v, lambda v: v / 4, lambda v: 0.11 * v, lambda v: 9.81 * v,
     lambda v: v + 1, lambda v: 1.1 * v, lambda v: 10 * v]
 
 
 def test_most_plausible_wrong_answers_get_a_hint_of_their_own():
-    """At least 85 of 100: each exercise's own, and slips that any number may suffer."""
-    found = {number: [judge(REGISTERED[number], wrong).found for wrong in wrongs]
-             for number in CLOSED if (wrongs := list(plausible(REGISTERED[number])))}
+    """At least 85 of 100 slips that any number may suffer; those that an exercise names itself are
+    not counted, as each of them is known.
+    """
+    found = {number: [judge(asked, slip(right)).found for slip in OTHERWISE] for number in CLOSED
+             if isinstance(right := (asked := REGISTERED[number]).right(), float | int) and right}
     every = [kind for kinds in found.values() for kind in kinds if kind != "right"]
     assert len(every) > 500
     assert sum(kind in ("mistake", "unit") for kind in every) >= 0.85 * len(every), {
         number: kinds.count("wrong") for number, kinds in found.items()}
-
-
-def plausible(asked):
-    right = asked.right()
-    yield from (mistake.wrong(right) for mistake in asked.mistakes)
-    if isinstance(right, float | int) and right:
-        yield from (slip(right) for slip in OTHERWISE)
 
 
 def test_a_choice_is_among_the_choices():

@@ -2,9 +2,10 @@
 every time.
 """
 
+import numpy as np
 import pytest
 
-from hydrolab import Arclength, HarmonicBalance, follow, load_machine, orbits_at
+from hydrolab import Arclength, HarmonicBalance, follow, load_machine, orbits_at, steady_states
 from hydrolab.errors import BadInput
 from hydrolab.figures.readings import reading
 from hydrolab.live.cell import ELSEWHERE, show
@@ -87,6 +88,10 @@ def test_what_cannot_be_shown_gets_a_sentence(unit, branch, make_jeffcott):
     ]:
         with pytest.raises(BadInput, match=words):
             show(what)
+    far = max(steady_states(model, speed=unit.speed, static_eccentricity=0.088),
+              key=lambda orbit: np.hypot(*orbit.mean))  # at 8.8 % one is on no leg
+    with pytest.raises(BadInput, match=r"at 8.8 % is not on the branch that begins at the centre"):
+        show(far)
     with pytest.raises(BadInput, match="height is 20"):
         show(unit, height=20)
 
