@@ -26,7 +26,7 @@ NAMED = re.compile(r"\((\d+\.\d+)\)")
 DOI = re.compile(r"\bdoi:(10\.\d{4,}/[^\s,;]*[^\s,;.])")
 PARTS = {"A rotor in a field": range(0, 4), "Steady states": range(4, 6),
          "The machine": range(6, 9),
-         "The study": range(9, 13)}
+         "The study": range(9, 13), "The plant": range(13, 100)}
 # static eccentricities and legs, by chapter
 SCENES = {0: ((0.088, 0),), 10: ((0.0, 0), (0.05, 0), (0.088, 0), (0.088, 2))}
 LACKS = "*(This needs a control or a step that this page lacks; the live chapter has it.)*"

@@ -30,7 +30,7 @@ SCENE = 700e3  # bytes
 BOOK = cli.find_book()
 CHAPTERS = sorted(BOOK.glob("[0-9]*.ipynb"))
 TODAY = datetime.date.today().toordinal()
-# Two chapters a day: each is run within a week, all by `python -m tests.browser_chapters`.
+# Two chapters a day: each is run every eight days, all by `python -m tests.browser_chapters`.
 DRAWN = [CHAPTERS[(2 * TODAY + i) % len(CHAPTERS)] for i in range(2)]
 SOURCE = re.compile('src="([^"]+)"')
 SAVED = """async ([path, text]) => {
