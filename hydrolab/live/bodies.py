@@ -21,10 +21,9 @@ from hydrolab.live.poses import STUB, drawn_rotor_radius, out_of_round
 from hydrolab.machine.parts import Machine, RigidBody
 
 # where the camera of the first view stands, and with it the cut in stator and bearings
-AZIMUTH = math.radians(-58)
+AZIMUTH, LYING_AZIMUTH = math.radians(-58), math.radians(35)
 CUT = math.radians(50)  # half of the sector that is cut away
-UNCUT = AZIMUTH + CUT, AZIMUTH + 2 * math.pi - CUT
-LEFT = np.array([math.sin(AZIMUTH), -math.cos(AZIMUTH), 0.0])  # to the left of the first view
+ASLANT = 0.35  # rad; a shaft that lies is seen so far from its side
 BLADES = 5
 TIP = 1.75  # a runner's blades reach so far beyond the solid disc of its mass and inertia
 POLES = 32  # drawn where the card names none
@@ -63,7 +62,7 @@ def orbit_colours(away: NDArray, largest: float) -> NDArray:
 @dataclass(frozen=True)
 class Sizes:
     """Sizes of the drawing, m: inner radius of the stator, height of the rotor, radius of the slim
-    shaft; Z of the top, the bottom and the rotor's middle.
+    shaft; Z of the top, the bottom and the rotor's middle; whether the shaft lies, so that Y is up.
     """
 
     stator: float
@@ -72,6 +71,25 @@ class Sizes:
     top: float
     bottom: float
     middle: float = 0.0
+    lying: bool = False
+
+    @property
+    def up(self) -> NDArray:
+        """The unit vector up."""
+        return np.array([0.0, 1.0, 0.0] if self.lying else [0.0, 0.0, 1.0])
+
+    @property
+    def near(self) -> NDArray:
+        """The level unit vector towards the first view."""
+        if self.lying:
+            return np.array([math.cos(ASLANT), 0.0, math.sin(ASLANT)])
+        return np.array([math.cos(AZIMUTH), math.sin(AZIMUTH), 0.0])
+
+    @property
+    def uncut(self) -> tuple[float, float]:
+        """The ends of what is left of stator and bearings, cut towards the first view, rad."""
+        middle = LYING_AZIMUTH if self.lying else AZIMUTH
+        return middle + CUT, middle + 2 * math.pi - CUT
 
     @property
     def unit(self) -> float:
@@ -90,7 +108,7 @@ def sizes_of(machine: Machine) -> Sizes:
     ends = [0.0, -length, *bodies.values()]
     radius = min(float(machine.shaft.diameter.max()) / 2, 0.022 * length)
     return Sizes(stator, gap.length if gap else 0.0, radius, max(ends), min(ends),
-                 bodies[gap.body] if gap else 0.0)
+                 bodies[gap.body] if gap else 0.0, machine.gravity is not None)
 
 
 def disc_radius(body: RigidBody) -> float:
@@ -101,11 +119,11 @@ def disc_radius(body: RigidBody) -> float:
 
 
 def is_runner(machine: Machine, body: RigidBody) -> bool:
-    """Whether a body is drawn as a Kaplan runner: at the lower end of a shaft that carries a
-    generator.
+    """Whether a body is drawn as a Kaplan runner: at the lower end of an upright shaft that carries
+    a generator.
     """
     below = machine.shaft is not None and body.node == machine.nodes - 1
-    return below and machine.air_gap is not None
+    return below and machine.air_gap is not None and machine.gravity is None
 
 
 def drawn_radius(machine: Machine, body: RigidBody) -> float:
@@ -135,12 +153,12 @@ def gap_solids(machine: Machine, sizes: Sizes, factor: float) -> dict[str, solid
     """The stator, cut away, and the generator's rotor, with a gap and shapes drawn `factor` times
     as large: poles as many as the card says, in two colours and one painted.
     """
-    inner, height = sizes.stator, sizes.height
+    inner, height, uncut = sizes.stator, sizes.height, sizes.uncut
     half, rim, coil = 0.62 * height, 0.05 * height, 0.16 * height
-    wall = solids.ring(inner, 1.16 * inner, -half, half, *UNCUT, 96)
-    rims = [solids.ring(inner, 1.16 * inner, z, z + rim, *UNCUT, 96) for z in (-half - rim, half)]
+    wall = solids.ring(inner, 1.16 * inner, -half, half, *uncut, 96)
+    rims = [solids.ring(inner, 1.16 * inner, z, z + rim, *uncut, 96) for z in (-half - rim, half)]
     coils = [solids.swept(np.array([[1.02 * inner, z], [1.07 * inner, z], [1.08 * inner, z + coil],
-                                    [1.03 * inner, z + coil]]), UNCUT[0] + 0.02, UNCUT[1] - 0.02,
+                                    [1.03 * inner, z + coil]]), uncut[0] + 0.02, uncut[1] - 0.02,
                           96) for z in (-half - rim - coil, half + rim)]
     still = {"wall": wall, "rims": solids.joined(*rims), "winding": solids.joined(*coils)}
 
@@ -285,7 +303,7 @@ class Parts:
             path, z = f"/bearings/{bearing.name}", places[bearing.name]
             colour, sectors = self.inside_of(bearing)
             pads = [solids.ring(1.9 * r, 3.0 * r, -r, r, *ends, 24) for ends in sectors]
-            housing = solids.ring(3.0 * r, 3.9 * r, -1.3 * r, 1.3 * r, *UNCUT)
+            housing = solids.ring(3.0 * r, 3.9 * r, -1.3 * r, 1.3 * r, *self.sizes.uncut)
             self.solid(f"{path}/pads", solids.raised(solids.joined(*pads), z), colour)
             self.solid(f"{path}/housing", solids.raised(housing, z), "#6E7680")
             if bearing in self.machine.films:
@@ -297,19 +315,19 @@ class Parts:
         the card, all around so that they can be counted, or some that stand for any bearing.
         """
         if bearing in self.machine.films:
-            return "#96703C", [UNCUT]
+            return "#96703C", [self.sizes.uncut]
         if bearing in self.machine.pad_bearings:
             x, z = bearing.law_in_line(self.machine.speed).directions
             wide = min(0.25, 0.8 * math.pi / len(x))
             return "#D69E24", [(a - wide, a + wide) for a in np.arctan2(z, x)]
-        return "#D69E24", [(a, a + 0.5) for a in np.arange(UNCUT[0] + 0.06, UNCUT[1] - 0.5, 0.62)]
+        low, high = self.sizes.uncut
+        return "#D69E24", [(a, a + 0.5) for a in np.arange(low + 0.06, high - 0.5, 0.62)]
 
     def add_thrust(self, bearing: Any) -> None:
         """A thrust bearing: a broad ring, and on it the collar, which moves with its node."""
         r, z = self.sizes.shaft, bearing_places(self.machine, self.sizes.shaft)[bearing.name]
-        self.solid(f"/bearings/{bearing.name}",
-                   solids.raised(solids.ring(1.9 * r, 4.6 * r, -1.4 * r, -0.6 * r, *UNCUT), z),
-                   "#966E28")
+        seat = solids.ring(1.9 * r, 4.6 * r, -1.4 * r, -0.6 * r, *self.sizes.uncut)
+        self.solid(f"/bearings/{bearing.name}", solids.raised(seat, z), "#966E28")
         collar = solids.ring(0.5 * r, 4.0 * r, -0.5 * r, 0.1 * r)
         self.moving[bearing.name] = self.solid(f"/collars/{bearing.name}", collar, "#BEC4CA",
                                                receive_shadow=True)

@@ -283,7 +283,7 @@ class Controls:
         self.views[client.client_id] = view
         position, target = self.scene.views[view].camera(aspect_of(client))
         with client.atomic():
-            client.camera.up_direction = (0.0, 0.0, 1.0)
+            client.camera.up_direction = tuple(self.scene.sizes.up)
             client.camera.position = position
             client.camera.look_at = target
 

@@ -186,7 +186,7 @@ class MachineScene:
         self._dress()
         camera = server.initial_camera
         camera.position, camera.look_at = self.views[self.settings.view].camera(ASPECT)
-        camera.fov = LENS
+        camera.fov, camera.up = LENS, tuple(self.sizes.up)
         self.draw(0.0)
 
     # ------------------------------------------------------------------ settings

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from viser import ViserServer
 
 from hydrolab.live.board import EM, HALF, LOW, MARGIN, ORBIT, SIDE, TOP, Board, Label
-from hydrolab.live.bodies import AZIMUTH, LEFT, Sizes, bearing_places, drawn_radius
+from hydrolab.live.bodies import Sizes, bearing_places, drawn_radius
 from hydrolab.machine.parts import Machine
 
 # vertical field of view: a longer lens than a page's usual 75 degrees bends the machine less
@@ -29,39 +30,43 @@ PORTRAIT = 0.9  # below this a picture shows the machine or the board, not both
 ROOM = 1.04  # what a view shows, over what it must show
 
 Point = tuple[float, float, float]
-RIGHT = -LEFT
 
 
-def towards_view(rise: float) -> NDArray:
-    """Unit vector towards the first view's side, at an angle above the horizon, rad."""
-    return np.array([math.cos(rise) * math.cos(AZIMUTH), math.cos(rise) * math.sin(AZIMUTH),
-                     math.sin(rise)])
+def turn_of(sizes: Sizes, rise: float) -> NDArray:
+    """Directions to the right, up and towards the camera of a view at an angle above the horizon,
+    rad, as columns.
+    """
+    facing = math.cos(rise) * sizes.near + math.sin(rise) * sizes.up
+    right = np.cross(sizes.up, sizes.near)
+    return np.column_stack([right, np.cross(facing, right), facing])
 
 
-def turn_of(rise: float) -> NDArray:
-    """Directions to the right, up and towards the camera of a view, as columns."""
-    facing = towards_view(rise)
-    return np.column_stack([RIGHT, np.cross(facing, RIGHT), facing])
+def floor_of(sizes: Sizes) -> float:
+    """How high the floor is, m."""
+    return -1.4 * sizes.stator - sizes.unit if sizes.lying else sizes.bottom - 1.2 * sizes.unit
 
 
 def add_board(server: ViserServer, sizes: Sizes, branch: bool) -> Board:
     """The board to the left of the machine, facing the first view; on the ground."""
-    u, turn = sizes.unit, turn_of(RISE)
+    u, turn = sizes.unit, turn_of(sizes, RISE)
     low = LOW if branch else ORBIT[1] - HALF - 3.0 * MARGIN
-    aside = 1.3 * max(sizes.stator, 1.2 * u) + (SIDE + 0.3) * u
+    half, raised = 1.3 * max(sizes.stator, 1.2 * u), -0.5 * (low + TOP) * u
     middle = 0.5 * (sizes.top + sizes.bottom) + 0.5 * u
-    place = aside * LEFT + [0.0, 0.0, middle] - 0.5 * (low + TOP) * u * turn[:, 1]
+    if sizes.lying:
+        half, raised = 0.5 * (sizes.top - sizes.bottom) + u, floor_of(sizes) - low * u
+    aside = half + (SIDE + 0.3) * u
+    place = [0.0, 0.0, middle] - aside * turn[:, 0] + raised * turn[:, 1]
     return Board(server, u, place, turn, branch=branch)
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What a camera shall show. rise: of its direction above the horizon, rad. points: in the
-    scene, m, (P, 3). labels: whose boxes it shows too. beside, above: more points and labels,
+    """What a camera shall show. turn: its directions, as of `turn_of`. points: in the scene, m,
+    (P, 3). labels: whose boxes it shows too. beside, above: more points and labels,
     where there is room.
     """
 
-    rise: float
+    turn: NDArray
     points: NDArray
     labels: tuple[Label, ...] = ()
     beside: NDArray | None = None
@@ -71,8 +76,7 @@ class View:
         """Position and target of a camera as near as it may be to show all of it in a picture of
         this width over height.
         """
-        turn = turn_of(self.rise)
-        labels, more = list(self.labels), []
+        turn, labels, more = self.turn, list(self.labels), []
         if self.beside is not None and aspect >= PORTRAIT:
             more = [self.beside]
             labels += self.above
@@ -106,12 +110,13 @@ def views_of(sizes: Sizes, names: Names, board: Board) -> dict[str, View]:
     corners, board_words = board.corners(), (names.gap,) if names.gap else ()
     near = [label for label in names.names if abs(label.place[2] - middle) < 0.6 * sizes.height]
     low = [label for label in names.names if label.place[2] < sizes.bottom + 2.5 * u]
-    return {"machine": View(RISE, whole, tuple(names.names), corners, (names.scale, *board_words)),
-            "air gap": View(0.85, np.concatenate([at(middle + half), at(middle - half)]),
+    first, steep, flat = (turn_of(sizes, rise) for rise in (RISE, 0.85, 0.3))
+    return {"machine": View(first, whole, tuple(names.names), corners, (names.scale, *board_words)),
+            "air gap": View(steep, np.concatenate([at(middle + half), at(middle - half)]),
                             tuple(near)),
-            "lower end": View(0.3, np.concatenate([at(sizes.bottom - 0.9 * u, 0.5),
+            "lower end": View(flat, np.concatenate([at(sizes.bottom - 0.9 * u, 0.5),
                                                    at(sizes.bottom + 2.4 * u, 0.3)]), tuple(low)),
-            "along the axis": View(RISE, corners, board_words)}
+            "along the axis": View(first, corners, board_words)}
 
 
 def add_lines(server: ViserServer, path: str, lines: NDArray, colours: Any,
@@ -124,21 +129,21 @@ def add_lines(server: ViserServer, path: str, lines: NDArray, colours: Any,
 def add_surroundings(server: ViserServer, sizes: Sizes, dark: bool) -> None:
     """Floor, axis and lights; no environment map, which flashes white where a recording loops."""
     scene, u = server.scene, sizes.unit
-    scene.set_up_direction("+z")
+    scene.set_up_direction("+y" if sizes.lying else "+z")
     scene.configure_environment_map(None)
     scene.configure_default_lights(False)
     scene.add_light_ambient("/lights/ambient", intensity=0.7 if dark else 0.9)
     scene.add_light_hemisphere("/lights/sky", sky_color=(255, 255, 255),
                                ground_color=(170, 175, 190), intensity=0.9)
     scene.add_light_directional("/lights/sun", intensity=2.1, cast_shadow=True,
-                                position=(5.0 * math.cos(AZIMUTH + 0.9),
-                                          5.0 * math.sin(AZIMUTH + 0.9), 12.0))
+                                position=tuple(Rotation.from_rotvec(0.9 * sizes.up).apply(
+                                    5.0 * sizes.near) + 12.0 * sizes.up))
     plane, cells, sections = (((40, 43, 50), (62, 66, 74), (84, 90, 100)) if dark else
                               ((244, 246, 248), (226, 230, 235), (202, 208, 215)))
     scene.add_grid("/floor", 30.0 * u, 30.0 * u, cell_size=u, section_size=5.0 * u,
                    cell_color=cells, section_color=sections, plane_color=plane, plane_opacity=1.0,
-                   position=(0.0, 0.0, sizes.bottom - 1.2 * u), shadow_opacity=0.16,
-                   fade_distance=46.0 * u, fade_strength=2.0)
+                   position=tuple(floor_of(sizes) * sizes.up), shadow_opacity=0.16,
+                   plane="xz" if sizes.lying else "xy", fade_distance=46.0 * u, fade_strength=2.0)
     z = np.arange(sizes.bottom - 1.1 * u, sizes.top + 1.9 * u, 0.3 * u)
     dashes = np.zeros((len(z), 2, 3))
     dashes[:, 0, 2], dashes[:, 1, 2] = z, z + 0.17 * u
@@ -165,7 +170,8 @@ class Names:
 
 def places_to_name(machine: Machine, sizes: Sizes,
                    depths: NDArray) -> Iterator[tuple[str, NDArray]]:
-    """The name of every part beside it, m; parts at one height share a line.
+    """The name of every part beside it, m, or above it in steps where the shaft lies; parts at one
+    height share a line.
 
     depths: of the bodies and then the cracks as drawn, m.
     """
@@ -180,11 +186,15 @@ def places_to_name(machine: Machine, sizes: Sizes,
                             else 1.1 * drawn_radius(machine, body) + 0.2 * u)
     rows = sorted(heights, key=heights.get)
     below = -math.inf
-    for words in together(rows, heights, LINE_GAP * EM * u):
+    out, line = turn_of(sizes, RISE)[:, 0], LINE_GAP * EM * u
+    above = max(1.3 * sizes.stator, *aside.values()) + 0.5 * line
+    for i, words in enumerate(together(rows, heights, line)):
         # no two lines nearer than a line is high
-        below = max(heights[words[0]], below + LINE_GAP * EM * u)
+        below = max(heights[words[0]], below + line)
         outer = max(aside.get(name, 5.4 * sizes.shaft) for name in words)
-        yield ", ".join(words), outer * RIGHT + [0, 0, below]
+        if sizes.lying:
+            out, outer = sizes.up, above + i % 3 * line
+        yield ", ".join(words), outer * out + [0, 0, below]
 
 
 def together(rows: Iterable[str], heights: dict[str, float], near: float) -> list[list[str]]:
@@ -205,9 +215,11 @@ def add_names(server: ViserServer, machine: Machine, sizes: Sizes, depths: NDArr
     depths: as in `places_to_name`.
     """
     u, gap = sizes.unit, machine.air_gap
-    names = [Label.add(server, f"/names/{text}", text, place, EM * u)
+    names = [Label.add(server, f"/names/{text}", text, place, EM * u,
+                       "bottom-center" if sizes.lying else "center-left")
              for text, place in places_to_name(machine, sizes, depths)]
-    scale = Label.add(server, "/scale", "…", np.array([0.0, 0.0, sizes.bottom - 1.4 * u]), EM * u,
+    foot = [0.0, 0.0, sizes.middle] if sizes.lying else [0.0, 0.0, 0.0]
+    scale = Label.add(server, "/scale", "…", foot + (floor_of(sizes) - 0.2 * u) * sizes.up, EM * u,
                       "top-center")
     if gap is None:
         return Names(names, None, scale)

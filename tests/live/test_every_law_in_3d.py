@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 from hydrolab import BadInput, HarmonicBalance, follow, load_machine, sweep
 from hydrolab.dynamics import Arclength
 from hydrolab.figures.readings import reading
-from hydrolab.live.bodies import UNCUT
 from hydrolab.live.cell import show
 from hydrolab.live.recording import record_scene
 from hydrolab.live.scene import MachineScene
@@ -120,7 +119,8 @@ def test_the_drawn_gap_is_the_gap_times_the_scale(scene_of, name):
         scene.draw(phase)
         angle, radius = polar(np.concatenate([
             drawn(scene, path, phase, leans) for path in scene.parts.gap if "pole" in path]))
-        cut = (angle > UNCUT[1]) & (angle < UNCUT[0] + 2 * np.pi)  # no stator is drawn there
+        low, high = scene.sizes.uncut
+        cut = (angle > high) & (angle < low + 2 * np.pi)  # no stator is drawn there
         left = np.interp(angle, around, bore, period=2 * np.pi) - radius
         least = min(least, float(left[~cut].min()) / scene.settings.exaggeration)
     # 72 phases; the faces of 32 poles have five points each and leave a third uncovered

@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from hydrolab import BadInput, HarmonicBalance, load_machine
+from hydrolab import BadInput, HarmonicBalance, load_machine, vary
 from hydrolab.live.poses import drawn_rotor_radius, positions, stations
 from hydrolab.live.recording import record_scene
 from hydrolab.live.scene import MachineScene
@@ -49,6 +49,20 @@ def test_every_card_has_a_scene(server, card):
     scene.change(dark=True, unbalance=1.5, field=0.9, names=False)
     scene.step(0.3)
     assert re.search(r"(Gap|Motion) × \d+", scene.reading)
+
+
+def test_what_falls_in_a_lying_machine_falls_in_the_picture(server):
+    """Without field, stator, loads and lifted bearings: only the weight is left."""
+    machine = load_machine("pelton-horizontal")
+    level = {f"bearings.{bearing.name}.z": 0.0 for bearing in machine.bearings}
+    scene = MachineScene(server, vary(machine, level | {"loads.jet.force": 0.0}), playing=False)
+    sunk = positions(scene.where.depths, scene.where.coefficients[:, :2, 0])[scene.where.nodes]
+    sunk = sunk - np.array([0.0, 0.0, -scene.where.depths[scene.where.nodes]])
+    assert np.dot(sunk, server.initial_camera.up) < -0.9 * np.linalg.norm(sunk) < -1e-4
+    # the view looks down on the floor, and across the shaft
+    assert scene.sizes.near @ scene.sizes.up == 0 and abs(scene.sizes.near[2]) < 0.5
+    names = [label.place for label in scene.names.names]
+    assert all(place @ scene.sizes.up > scene.sizes.stator for place in names)
 
 
 def test_a_straight_shaft_is_said_to_be_one(server):
