@@ -249,11 +249,12 @@ def branch_stability(branch: Branch, modes: int = MODES, steps: int = STEPS, *,
     points = floquet_all(list(branch), modes, steps, quick=quick)
     if not locate:
         return BranchStability(tuple(points), ())
-    folds = {fold.after for fold in branch.folds}
+    # at a fold one multiplier crosses 1, and at a flip in which a branch begins or ends one is 1
+    known = {min(p.after, len(branch) - 2) for p in branch.special_points}
     crossings = []
     for i, (a, b) in enumerate(pairwise(points)):
         few, many = sorted((a.outside, b.outside))
-        if "unknown" not in (a.verdict, b.verdict) and many - few > (i in folds):
+        if "unknown" not in (a.verdict, b.verdict) and many - few > (i in known):
             crossings += _locate(branch, i, range(few, many), modes)
     return BranchStability(tuple(points), tuple(crossings))
 

@@ -27,7 +27,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from hydrolab.dynamics.reduction import reduce
-from hydrolab.dynamics.results import PeriodicOrbit
+from hydrolab.dynamics.results import PeriodicOrbit, left_out
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
 from hydrolab.machine.quantities import whole
@@ -82,6 +82,12 @@ class Split:
     static: NDArray
     loaded: NDArray
     implicit: bool = False
+
+    @property
+    def told(self) -> str:
+        """How far motions of it are to be trusted, in words."""
+        return (f"{left_out(self.model)} A period's steps are known to {100 * ROUGH:g} % of the "
+                "gap.")
 
     def under_loads(self, phases: NDArray) -> NDArray:
         """The linear steady response to all loads but the unbalance at phases, (2r, phases)."""
@@ -414,7 +420,7 @@ class Basins:
     0, along x, in the shape of the static deflection under the pull. ends: index of the orbit
     reached, −1 for contact, −2 for anything else, (rows, columns). contact: revolutions until
     contact, nan where there was none. orbits: as given. revolutions: as many as were made, fewer
-    than asked for after an interrupt.
+    than asked for after an interrupt. basis: what its motions leave out, in words.
     """
 
     displacement: NDArray
@@ -423,6 +429,7 @@ class Basins:
     contact: NDArray
     orbits: tuple[PeriodicOrbit, ...]
     revolutions: int
+    basis: str = ""
 
     def share(self, end: int) -> float:
         """Share of the starts that end so."""
@@ -432,7 +439,7 @@ class Basins:
         shares = [f"{100 * self.share(i):.1f} % on orbit {i}" for i in range(len(self.orbits))]
         return (f"{self.ends.size} starts after {self.revolutions} revolutions: "
                 f"{', '.join(shares)}, {100 * self.share(CONTACT):.1f} % in contact, "
-                f"{100 * self.share(OTHER):.1f} % on none of these.")
+                f"{100 * self.share(OTHER):.1f} % on none of these.{self.basis}")
 
 
 def basins(orbits: Sequence[PeriodicOrbit], displacement: ArrayLike, velocity: ArrayLike, *,
@@ -465,4 +472,4 @@ def basins(orbits: Sequence[PeriodicOrbit], displacement: ArrayLike, velocity: A
                                     progress=progress)
     grid = (len(velocity), len(displacement))
     return Basins(displacement, velocity, reached(system, states, orbits).reshape(grid),
-                  contact.reshape(grid), tuple(orbits), made)
+                  contact.reshape(grid), tuple(orbits), made, system.told)

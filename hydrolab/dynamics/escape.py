@@ -44,7 +44,8 @@ class Arrivals:
     fold: it. sizes: how far beyond it they were moved at one instant, in units of the parameter,
     (n,). phases: of the rotation at that instant, rad, (n, m). ends: index of the orbit reached, −1
     for contact, −2 for none of these, (n, m). orbits: one of each family reached, as it is beyond
-    the smallest step. revolutions: made after the step.
+    the smallest step. revolutions: made after the step. basis: what the motions leave out, in
+    words.
     """
 
     fold: SpecialPoint
@@ -53,6 +54,7 @@ class Arrivals:
     ends: NDArray
     orbits: tuple[PeriodicOrbit, ...]
     revolutions: int
+    basis: str = ""
 
     def share(self, end: int) -> float:
         """Share of all motions that end so."""
@@ -80,7 +82,7 @@ class Arrivals:
         return (f"{self.ends.size} motions moved past the {self.fold} by "
                 f"{100 * self.sizes.min():.1g} to {100 * self.sizes.max():.1g} % at one instant, "
                 f"at any phase; after {self.revolutions} revolutions {', '.join(parts)}. In "
-                "brackets: 95 % confidence.")
+                f"brackets: 95 % confidence.{self.basis}")
 
 
 def arrivals(branch: Branch, fold: int = 0, *, sizes: ArrayLike = SIZES, phases: int = 25,
@@ -121,7 +123,8 @@ def arrivals(branch: Branch, fold: int = 0, *, sizes: ArrayLike = SIZES, phases:
     states, _, made = advance(system, begin, course, q + revolutions, steps, progress=progress)
     ends, families = _families(system, states.reshape(len(states), len(sizes), phases),
                                [branch, *among], beyond)
-    return Arrivals(point, sizes, 2 * math.pi * turns, ends, families, max(0, made - q))
+    return Arrivals(point, sizes, 2 * math.pi * turns, ends, families, max(0, made - q),
+                    system.told)
 
 
 def _families(system: Split, states: NDArray, branches: Sequence[Branch],
@@ -168,6 +171,7 @@ class Integrity:
     velocity: m/s, (rows,), of the starts off the orbit at each value, at phase 0 along x. ends: 0
     back on the orbit, −1 contact, −2 anything else, (n, rows, columns). fold: where the leg ends,
     nan where it has no fold. speed, gap: of the model, rad/s and m. stopped: what was done.
+    basis: what the motions leave out, in words.
     """
 
     values: NDArray
@@ -178,6 +182,7 @@ class Integrity:
     speed: float
     gap: float
     stopped: str
+    basis: str = ""
 
     @property
     def safe(self) -> NDArray:
@@ -221,7 +226,8 @@ class Integrity:
                 f"{len(self.values)} eccentricities: the share that does not end in contact falls "
                 f"from that at {start} {halved}to {100 * self.safe[-1]:.0f} % of it at {end}"
                 f"{fold}. The smallest push that does not come back falls from "
-                f"{self.reach[0]:.2f} to {self.reach[-1]:.2f} of the gap. {self.stopped}").rstrip()
+                f"{self.reach[0]:.2f} to {self.reach[-1]:.2f} of the gap. {self.stopped}"
+                ).rstrip() + self.basis
 
 
 def integrity(branch: Branch, values: ArrayLike | None = None, *,
@@ -264,4 +270,5 @@ def integrity(branch: Branch, values: ArrayLike | None = None, *,
                f"It was interrupted after {done} of {len(values)} eccentricities.")
     return Integrity(values[:done], push, kick,
                      np.array(ends, dtype=int).reshape(done, len(kick), len(push)),
-                     float(last) if branch.folds else math.nan, speed, model.gap, stopped)
+                     float(last) if branch.folds else math.nan, speed, model.gap, stopped,
+                     system.told if done else "")

@@ -262,7 +262,7 @@ class CriticalSpeeds:
     def __str__(self) -> str:
         rows = [f"Critical speeds of {self.order:g}X, {self.forces}:"]
         for way in ("forward", "backward", "planar"):
-            own = [f"{s * 30 / np.pi:.1f} rpm (damping ratio {100 * r:.1f} %)"
+            own = [f"{s * 30 / np.pi:.1f} rpm (damping ratio {round(100 * r, 1) + 0.0} %)"
                    for s, r, d in zip(self.speeds, self.damping_ratios, self.direction, strict=True)
                    if d == way]
             if own or way != "planar":

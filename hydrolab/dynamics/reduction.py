@@ -25,11 +25,11 @@ from numpy.typing import NDArray
 
 from hydrolab.dynamics.harmonic_balance import SINGULAR, dynamic_stiffness
 from hydrolab.dynamics.modes import modes as modes_of
+from hydrolab.dynamics.results import BASIS
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model
 from hydrolab.machine.quantities import require_model, whole
 
-TOLERANCE = 1e-3  # relative error of a basis at a known speed
 HARMONICS = 4  # of the speed, at which its answers are compared
 EVEN = 1e-9  # a damping ratio below this is rounding
 SLOWEST = 3  # free motions that must be in it, beside those that grow
@@ -37,7 +37,7 @@ SLOWEST = 3  # free motions that must be in it, beside those that grow
 
 @lru_cache(maxsize=64)
 def reduce(model: Model, modes: int = 12, gyroscopic: bool = False, *, speed: float | None = None,
-           tolerance: float = TOLERANCE) -> Model:
+           tolerance: float = BASIS) -> Model:
     """The model on its `modes` lowest modes at rest and the static deflections under the pull.
 
     gyroscopic: add the deflections under the gyroscopic moments of these. speed: rad/s; add what

@@ -51,6 +51,17 @@ def require(name: str, value: object, kind: type) -> None:
         raise BadInput(f"{name} is {given}; it must be {article} {wanted}{hint}.")
 
 
+BASIS = 1e-3  # relative error of a basis that `reduce` makes for a known speed
+
+
+def left_out(model: Model) -> str:
+    """What a model that `reduce` made for a known speed leaves out, in words; empty for nothing."""
+    every, own = model.shaft_map.shape
+    return "" if own >= every else (
+        f" On {own} of {every} degrees of freedom: answers up to 4X and the slowest free motions "
+        f"are those of all to {100 * BASIS:g} %, what is faster is left out.")
+
+
 def contact_sentence(phase: float, time: float, angle: float) -> str:
     """When and where the rotor touches: phase of the rotation, rad; time, s; gap angle, rad."""
     return (f"The rotor touches the stator after {phase / (2 * math.pi):.2f} revolutions "
@@ -122,7 +133,7 @@ class Trajectory:
     def __str__(self) -> str:
         return (f"Motion of {self.model.name} over {self.revolutions:.4g} revolutions at "
                 f"{self.speed * 30 / math.pi:.4g} rpm, static eccentricity "
-                f"{100 * self.static_eccentricity:.4g} %. {self.stopped}")
+                f"{100 * self.static_eccentricity:.4g} %. {self.stopped}{left_out(self.model)}")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hydrolab.dynamics.ensemble import CLOSE, Course, Progress, Setting, motions, split_for
+from hydrolab.dynamics.ensemble import CLOSE, Course, Progress, Setting, Split, motions, split_for
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.errors import BadInput
 from hydrolab.machine.quantities import number
@@ -38,7 +38,8 @@ class Passage:
     centre at phase 0 after each of the last revolutions before each value was left, m,
     (n, kept, 2). near: how closely a motion must come back to count as repeating, m. stopped: why
     it ends, in words. doubt: what shows that the end depends on how the values were stepped, in
-    words; empty where nothing does.
+    words; empty where nothing does. basis: what the
+    motion leaves out, in words.
     """
 
     parameter: str
@@ -47,6 +48,7 @@ class Passage:
     near: float
     stopped: str
     doubt: str = ""
+    basis: str = ""
 
     @cached_property
     def period(self) -> NDArray:
@@ -118,7 +120,7 @@ class Passage:
 
     def __str__(self) -> str:
         told = f"Motion while {self.parameter} moved: it {self.told}. " if self.told else ""
-        return f"{told}{self.stopped} {self.doubt}".rstrip()
+        return f"{told}{self.stopped} {self.doubt}".rstrip() + self.basis
 
 
 def settings(orbit: PeriodicOrbit, parameter: str) -> tuple[float, Callable[[NDArray], Setting]]:
@@ -169,12 +171,11 @@ def _say(parameter: str, value: float) -> str:
     return f"{100 * value:.4g} %" if parameter == "static_eccentricity" else f"{value:.5g}"
 
 
-def _sections(start: PeriodicOrbit, course: Course, members: int, steps: int,
-              modes: int) -> Iterator[tuple[NDArray, NDArray]]:
+def _sections(system: Split, start: PeriodicOrbit, course: Course, members: int,
+              steps: int) -> Iterator[tuple[NDArray, NDArray]]:
     """The generator's (x, z) after each revolution, m, (2, members), and contacts as `motions` has
     them, of members that begin on an orbit.
     """
-    system = split_for(start, steps, modes)
     begin = np.repeat(system.state(start)[:, None], members, axis=1)
     for states, contact in motions(system, begin, course, steps):
         yield system.watch[:2] @ states, contact
@@ -200,10 +201,11 @@ def drift(start: PeriodicOrbit, parameter: str = "static_eccentricity", *, to: A
     if not total:
         raise BadInput(f"to is {to!r}, where the motion begins; give another value of {parameter}.")
     before = 2 * math.pi * np.arange(-KEPT + 1, 1)
+    system = split_for(start, steps, modes)
     section, touched, done = list(start.positions(before).T), False, 0
     course = _moving(setting, lambda time: np.interp([time], times, corners))
     with suppress(KeyboardInterrupt):
-        for place, contact in _sections(start, course, 1, steps, modes):
+        for place, contact in _sections(system, start, course, 1, steps):
             if touched := bool(np.isfinite(contact[0])):
                 break
             section.append(place[:, 0])
@@ -218,7 +220,7 @@ def drift(start: PeriodicOrbit, parameter: str = "static_eccentricity", *, to: A
     windows = np.lib.stride_tricks.sliding_window_view(np.array(section), KEPT, axis=0)[1:]
     return Passage(parameter, np.interp(np.arange(1, done + 1), times, corners),
                    windows.transpose(0, 2, 1), REPEATS * start.model.length_scale,
-                   f"{why}, at {there}.")
+                   f"{why}, at {there}.", basis=system.told)
 
 
 def _moving(setting: Callable[[NDArray], Setting],
@@ -265,9 +267,9 @@ def sweep_in_time(start: PeriodicOrbit, values: Iterable[float],
         late = at[i] if within < 0.5 else at[i + 1]
         return np.array([at[i + 1], (half + at[i + 1]) / 2, late])
 
-    kept, contact = [], np.full(3, np.nan)
+    system, kept, contact = split_for(start, steps, modes), [], np.full(3, np.nan)
     with suppress(KeyboardInterrupt):
-        for place, touched in _sections(start, _moving(setting, value), 3, steps, modes):
+        for place, touched in _sections(system, start, _moving(setting, value), 3, steps):
             kept.append(place)
             contact = touched
             if len(kept) % revolutions == 0 and progress:
@@ -286,7 +288,8 @@ def sweep_in_time(start: PeriodicOrbit, values: Iterable[float],
         where = ["" if i == len(wanted) else _say(parameter, wanted[i]) for i in passed]
         last = kept[-1] if n < len(wanted) else section[-1].mean(axis=0)
         doubt = _doubt(where, last, CLOSE * start.model.length_scale)
-    return Passage(parameter, wanted[:n], section[..., 0], STILL, stopped, doubt)
+    return Passage(parameter, wanted[:n], section[..., 0], STILL, stopped, doubt,
+                   system.told)
 
 
 def _doubt(touched: list[str], last: NDArray, near: float) -> str:

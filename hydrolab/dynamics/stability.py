@@ -199,10 +199,16 @@ class Floquet:
 
     def __str__(self) -> str:
         mu = self.multipliers[0]
-        value = f"{mu.real:.5f}" if abs(mu.imag) < 1e-9 else f"{mu.real:.5f} ± {abs(mu.imag):.5f} i"
+        # no digit beyond what is known, and none that says nothing
+        unknown = max(self.error if math.isfinite(self.error) else 0.1 * self.largest, 1e-5,
+                      1e-5 * self.largest)
+        digits = max(math.ceil(-math.log10(unknown) - 0.1), 0)
+        real, imaginary, size = (f"{x:.{digits}f}" if abs(x) < 1e6 else f"{x:.3g}"
+                                 for x in (mu.real, abs(mu.imag), abs(mu)))
+        value = real if abs(mu.imag) < 1e-9 * max(1, abs(mu)) else f"{real} ± {imaginary} i"
         glance = " at a quick look on a few modes" if self.how == "quick" else ""
         known = f"known to {self.error:.0e}" if math.isfinite(self.error) else "not known"
-        said = f"{self.verdict}{glance}: leading multiplier {value}, modulus {abs(mu):.5f}, {known}"
+        said = f"{self.verdict}{glance}: leading multiplier {value}, modulus {size}, {known}"
         if not glance:
             said += (f"; {self.outside or 'none'} outside the unit circle, counted on the whole "
                      "machine")
