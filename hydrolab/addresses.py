@@ -10,9 +10,7 @@ import socket
 
 
 def trouble(host: str, port: int) -> int | None:
-    """The error number with which this computer refuses to listen at a host and a port, or None
-    where it does not.
-    """
+    """The error number with which this computer refuses to listen at a host and a port, or None."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host or None, port,
                                                                 type=socket.SOCK_STREAM,

@@ -25,9 +25,7 @@ ANNOUNCEMENTS = "@jupyterlab/apputils-extension:announcements"
 
 
 def find_book() -> Path:
-    """Return the folder of the course: the clone's `book`, or the copy that an installed wheel
-    carries.
-    """
+    """Return the folder of the course: the clone's `book`, or the copy in an installed wheel."""
     package = Path(__file__).resolve().parent
     clone = package.parent / "book"
     for folder in (clone, package / "_book"):
@@ -46,9 +44,7 @@ def course_files(book: Path) -> Iterator[Path]:
 
 
 def copy_new(source: Path, target: Path) -> bool:
-    """Copy a source file whole or not at all; return False and touch nothing where the target
-    exists.
-    """
+    """Copy source to target whole or not at all; False, and nothing is done, if target exists."""
     if target.exists() or target.is_symlink():
         return False
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -361,9 +357,7 @@ def say(sentence: object) -> None:
 
 
 def elsewhere(error: OSError, options: argparse.Namespace) -> str:
-    """What to try where an error says that the system refuses to write: the one of this command's
-    options that names a place.
-    """
+    """What to try where an error refuses a write: the one of the options that names a place."""
     named = [f"--{name}" for name in ("dir", "out", "record") if hasattr(options, name)]
     if error.errno in (errno.EROFS, errno.EACCES, errno.EPERM) and named:
         return f" Name a place that you may write to with {named[0]}."

@@ -63,9 +63,7 @@ def _from_the_side(axes: Axes, machine: Machine, alpha: float) -> dict[str, tupl
 
 @house_style()
 def conventions_picture(machine: Machine) -> Picture:
-    """The machine from the side with y pointing down, and the plane across it from above with angle
-    and spin.
-    """
+    """The machine from the side with y pointing down; the plane across it with angle and spin."""
     figure = new_figure(12, 6)
     side, above = figure.subplots(1, 2)
     _draw_side(side, machine)
@@ -276,9 +274,7 @@ def _label(axes: Axes, side: int, depth: float, name: str, words: str) -> None:
 
 @house_style()
 def sources_picture(machine: Machine) -> Picture:
-    """The machine from the side, to scale, each part with its stated numbers (left) and its chosen
-    ones (right).
-    """
+    """The machine from the side, to scale, each part with its stated and its chosen numbers."""
     shaft, half = machine.shaft, float(machine.shaft.diameter.max()) / 2
     figure = new_figure(12.5, 6.2)
     axes = figure.subplots()

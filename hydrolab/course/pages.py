@@ -57,9 +57,7 @@ def heading_anchor(title: str) -> str:
 
 
 def contents(book: Path, more: Sequence[str] = ()) -> str:
-    """The tables of contents below the first page of a book: chapters by part, pages for
-    reference, and `more` pages.
-    """
+    """The tables of contents of a book: chapters by part, pages for reference, and `more` pages."""
     names = list(chapters(book))
     lists = {part: [name for name in names if int(name[:2]) in numbers]
              for part, numbers in PARTS.items()}

@@ -103,10 +103,9 @@ class Evidence:
 
     def __str__(self) -> str:
         return (f"field draws the mean by {1e6 * self.pulled:.0f} µm; 1X {1e6 * self.first:.0f} µm "
-                "with field, "
-                f"{1e6 * self.first_off:.0f} µm without; roundness {self.roundness:.2f}; 2X "
-                f"{1e6 * self.second:.1f} µm; "
-                f"guide bearing moves {100 * self.bearing_share:.0f} % as much as the generator")
+                f"with field, {1e6 * self.first_off:.0f} µm without; roundness "
+                f"{self.roundness:.2f}; 2X {1e6 * self.second:.1f} µm; guide bearing moves "
+                f"{100 * self.bearing_share:.0f} % as much as the generator")
 
 
 @cache
@@ -140,9 +139,7 @@ def record(condition: Condition, *, field: bool = True, seed: int = 0) -> Record
 
 
 def recording(condition: Condition, name: str = "", seed: int = 0) -> Recording:
-    """A machine in a condition under a name, recorded with the field and without; the seed fixes
-    the noise.
-    """
+    """A machine in a condition, with its name, recorded with field and without; seed: of noise."""
     return Recording(name, record(condition, seed=seed), record(condition, field=False, seed=seed))
 
 
@@ -152,9 +149,7 @@ def healthy() -> Recording:
 
 
 def condition_of(number: int) -> tuple[str, Condition]:
-    """The fault of a numbered machine and its condition: fault, sizes and directions come from a
-    hash of the number.
-    """
+    """The fault of a numbered machine and its condition, both from a hash of the number."""
     digest = hashlib.sha256(f"hydrolab unit {number}".encode()).digest()
     fault = FAULTS[digest[0] % 4]
     u = np.frombuffer(digest[1:9], dtype=np.uint8) / 255
@@ -180,15 +175,12 @@ def evidence(case: Recording) -> Evidence:
     on, off = case.with_field.coefficients(), case.without_field.coefficients()
     first_off = ellipse(off).major
     return Evidence(float(np.hypot(*(on - off)[:, 0])), ellipse(on).major, first_off,
-                    ellipse(on).ratio,
-                    ellipse(on, 2).major,
+                    ellipse(on).ratio, ellipse(on, 2).major,
                     ellipse(case.without_field.coefficients("guide bearing")).major / first_off)
 
 
 def diagnose(found: Evidence, reference: Evidence) -> str:
-    """The fault that the evidence found points to, against the reference, the machine when it was
-    put into service; or "none".
-    """
+    """The fault to which the evidence found points, against the machine's reference in service."""
     if found.bearing_share > 1.1 * reference.bearing_share:
         return SOFT
     if found.first_off > 1.4 * reference.first_off:
@@ -202,8 +194,7 @@ TELLS: Mapping[frozenset[str], str] = {  # what tells two faults apart
     frozenset((ECCENTRICITY, UNBALANCE)): "Without field an eccentric stator does nothing, and an "
                                           "unbalance stays.",
     frozenset((ECCENTRICITY, OVALITY)): "An eccentric stator draws the mean position to one side; "
-                                        "an oval gap pulls to both "
-                                        "sides alike. Look at the mean.",
+                                        "an oval gap pulls to both sides alike. Look at the mean.",
     frozenset((ECCENTRICITY, SOFT)): "A soft bearing lets the guide bearing move more for the same "
                                      "motion of the generator, "
                                      "with field or without. Look at its share.",
@@ -214,8 +205,7 @@ TELLS: Mapping[frozenset[str], str] = {  # what tells two faults apart
                                   "every place alike; a soft "
                                   "bearing raises the share of the guide bearing.",
     frozenset((OVALITY, SOFT)): "An oval gap flattens the orbit and does nothing without field. "
-                                "Look at the share of the "
-                                "guide bearing without field.",
+                                "Look at the share of the guide bearing without field.",
 }
 SAID: Mapping[str, str] = {
     ECCENTRICITY: "a static eccentricity of {:.1%} of the gap", UNBALANCE: "{:.2f} times the "

@@ -67,9 +67,7 @@ def text(notebook: Notebook) -> str:
 
 
 def clean(notebook: Notebook) -> Notebook:
-    """The notebook without what a run or a person leaves in it: a copy, the same however often it
-    is cleaned.
-    """
+    """A copy without what a run or a person leaves in it, the same however often it is cleaned."""
     cells: list[Cell] = []
     taken: set[str] = set()
     count = 0

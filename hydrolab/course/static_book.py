@@ -87,9 +87,7 @@ def record_scenes(folder: Path) -> list[dict[str, Any]]:
 
 
 def fetch_mathjax(folder: Path) -> Path | None:
-    """Fetch MathJax with npm into a folder and return its one file; None where npm is missing or
-    fails.
-    """
+    """Fetch MathJax with npm into a folder: its one file, or None where npm is missing or fails."""
     npm = shutil.which("npm")
     if npm is None:
         return None

@@ -68,8 +68,7 @@ class Batch:
     def take(self, index: NDArray) -> Batch:
         """The members at these indices (repeats allowed)."""
         return replace(self, stiffness=self.stiffness[index], linear=self.linear[index],
-                       length=self.length[index], force=self.force[index],
-                       pull=self.pull[:, index])
+                       length=self.length[index], force=self.force[index], pull=self.pull[:, index])
 
     def _positions(self, y: NDArray, centre: NDArray) -> NDArray:
         """Position relative to the stator, m, shape (2, B, N)."""
@@ -130,8 +129,7 @@ def stack(systems: Sequence[Condensed]) -> Batch:
                  np.stack([s.linear.ravel() for s in systems]),
                  np.array([s.length for s in systems]), np.array([s.force for s in systems]),
                  np.array([[[law.stiffness] for law in laws], [[law.gap] for law in laws]]),
-                 rows, analysis,
-                 np.einsum("nk,ln->nkl", analysis, rows).reshape(first.samples, -1))
+                 rows, analysis, np.einsum("nk,ln->nkl", analysis, rows).reshape(first.samples, -1))
 
 
 def newton_batch(batch: Batch, y: NDArray, centre: NDArray, tolerance: float = 1e-10,

@@ -96,9 +96,7 @@ class Branch:
 
     @cached_property
     def equations(self) -> Condensed:
-        """The condensed equations at the first point (at every point, if the parameter only moves
-        the stator).
-        """
+        """The condensed equations at the first point (at every one, if only the stator moves)."""
         return self.path.at(float(self.values[0])).equations
 
     @cached_property

@@ -125,9 +125,7 @@ def arclength(system: ParametrisedSystem, y: NDArray, parameter: float, *, towar
 
 
 def land(system: ParametrisedSystem, before: Step, after: Step, parameter: float) -> Step | None:
-    """The point between two steps where the parameter has this value; None if Newton does not
-    settle there.
-    """
+    """The point between two steps with this value of the parameter; None if Newton fails there."""
     share = (parameter - before.parameter) / (after.parameter - before.parameter)
     z = np.append(before.y + share * (after.y - before.y), parameter)
     fixed = np.zeros(len(z))
@@ -140,9 +138,7 @@ def land(system: ParametrisedSystem, before: Step, after: Step, parameter: float
 
 
 def locate_fold(system: ParametrisedSystem, before: Step, after: Step) -> Step:
-    """The point between two steps where the parameter turns: λ' = 0 along the curve, by a bracketed
-    secant.
-    """
+    """The point between two steps where the parameter turns, λ' = 0, by a bracketed secant."""
     start = np.append(before.y, before.parameter)
     span = float(before.tangent @ (np.append(after.y, after.parameter) - start))
     points: dict[float, Step] = {0.0: before, span: after}

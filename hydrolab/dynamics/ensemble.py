@@ -99,9 +99,7 @@ class Split:
         return turning + self.static @ setting.centre + self.under_loads(np.array([phase]))
 
     def state(self, orbit: PeriodicOrbit, phase: float = 0.0) -> NDArray:
-        """State of an orbit of the full model at a phase (rad), (2r,), by mass-weighted
-        projection.
-        """
+        """State of the full model's orbit at a phase (rad), (2r,), by mass-weighted projection."""
         full, small = orbit.model, self.model
         project = np.linalg.solve(small.M, small.shaft_map.T @ full.M @ full.shaft_map)
         return (orbit.state(phase) @ project.T).ravel()
@@ -171,9 +169,7 @@ def split_for(orbit: PeriodicOrbit, steps: int, modes: int) -> Split:
 
 @lru_cache(maxsize=64)
 def flows(system: Split, steps: int) -> tuple[NDArray, NDArray]:
-    """Exponentials of the constant part over one of `steps` steps in a revolution, and over half of
-    one.
-    """
+    """Exponentials of the constant part over one of `steps` steps a revolution, and over half."""
     h = 2 * math.pi / system.speed / steps
     return scipy.linalg.expm(system.constant * h), scipy.linalg.expm(system.constant * (h / 2))
 
@@ -232,9 +228,7 @@ def _linear_path(system: Split, base: Setting, rows: NDArray,
 
 def _turn_implicitly(system: Split, states: NDArray, course: Course, first: float, steps: int,
                      members: NDArray) -> tuple[NDArray, NDArray]:
-    """As `turn`, by the trapezoidal rule: x' = flow x + push (f + f'), with the forces f' at the
-    end of the step solved for.
-    """
+    """As `turn`, by the trapezoidal rule: x' = flow x + push (f + f'), solved for the new f'."""
     h, one = 2 * math.pi / system.speed / steps, np.eye(len(system.constant))
     back = np.linalg.inv(one - h / 2 * system.constant)
     flow, push = back @ (one + h / 2 * system.constant), h / 2 * back @ system.push

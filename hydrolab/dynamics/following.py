@@ -269,9 +269,7 @@ def _room(along: Path, y: NDArray, value: float, method: Arclength) -> float:
 
 
 def _comes_back(steps: list[Step]) -> bool:
-    """Whether the last step passed the first point, in its direction and within a small distance of
-    it.
-    """
+    """Whether the last step passed the first point, in its direction and close to it."""
     first, before, last = steps[0], steps[-2], steps[-1]
 
     def ahead(step: Step) -> float:
@@ -355,9 +353,7 @@ def _afresh(branch: Branch, along: Path) -> Branch:
 
 
 def _normals(z: NDArray) -> NDArray:
-    """Unit directions along the branch at each point, from its neighbours; at the first point the
-    parameter's own.
-    """
+    """Unit directions along the branch, from the points' neighbours; first the parameter's."""
     along = np.gradient(z, axis=0)
     along[0] = 0.0
     along[0, -1] = 1.0

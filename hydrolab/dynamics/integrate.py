@@ -87,9 +87,7 @@ class Task:
 
 
 def on_floats(law: CircularPull) -> Callable[[float, float], tuple[float, ...]]:
-    """The circular law for a loop: (x, z) → (Fx, Fz, ∂Fx/∂x, ∂Fx/∂z, ∂Fz/∂x, ∂Fz/∂z); nan outside
-    the gap.
-    """
+    """The circular law for a loop: (x, z) → (Fx, Fz, ∂Fx/∂x, ∂Fx/∂z, ∂Fz/∂x, ∂Fz/∂z) or nan."""
     stiffness, square = law.stiffness, law.gap**2
 
     def circular(x: float, z: float) -> tuple[float, ...]:
@@ -441,9 +439,7 @@ def _displaced(model: Model, by: tuple[float, float]) -> NDArray:
 
 def _moved(task: Task, method: Integrator, first: Block, revolutions: int,
            progress: Progress | None) -> tuple[list[Block], str, bool]:
-    """The pieces of a motion that begins with the first, why it ended early in words or "", and
-    whether that was an interrupt.
-    """
+    """The pieces of a motion from the first on, why it ended early or "", if by an interrupt."""
     blocks = [first]
     times, _, state = first
     try:

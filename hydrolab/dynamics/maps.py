@@ -251,9 +251,7 @@ def fingerprint(model: Model, speed: float) -> str:
 
 
 def save(dataset: xarray.Dataset, path: Path) -> None:
-    """Write a map whole or not at all; a disk that refuses is a warning, since the map is still in
-    memory.
-    """
+    """Write a map whole or not at all; a disk that refuses is a warning: the map is in memory."""
     part = path.with_suffix(".part")
     try:
         dataset.to_netcdf(part, engine="scipy")

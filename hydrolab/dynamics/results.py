@@ -120,9 +120,7 @@ class Trajectory:
         return fit(positions[:, 1:], self.speed * times[1:] + self.lead, harmonics)
 
     def recurrence(self, revolutions: int = 1) -> float:
-        """How far the last revolutions are from as many before, over the size of the motion: 0
-        repeats, nan is too short.
-        """
+        """How far the last revolutions are from as many before, over their size; nan: too short."""
         n = revolutions * self.method.steps_per_revolution
         if self.positions.shape[1] <= 2 * n:
             return math.nan

@@ -141,9 +141,8 @@ def settings(orbit: PeriodicOrbit, parameter: str) -> tuple[float, Callable[[NDA
         "unbalance": (1.0, lambda v: here._replace(unbalance=v)),
     }
     if parameter not in makers:
-        raise BadInput(f"parameter is {parameter!r}; what can move in time is "
-                       f"{', '.join(makers)}. Follow anything else with `follow`, or go in steps "
-                       "with `integrate`.")
+        raise BadInput(f"parameter is {parameter!r}; what can move in time is {', '.join(makers)}. "
+                       "Follow anything else with `follow`, or go in steps with `integrate`.")
     return makers[parameter]
 
 
@@ -223,11 +222,8 @@ def drift(start: PeriodicOrbit, parameter: str = "static_eccentricity", *, to: A
                    f"{why}, at {there}.", basis=system.told)
 
 
-def _moving(setting: Callable[[NDArray], Setting],
-            value: Callable[[float], NDArray]) -> Course:
-    """The course of members whose values of a parameter are given over time; the same setting as
-    long as no value moves.
-    """
+def _moving(setting: Callable[[NDArray], Setting], value: Callable[[float], NDArray]) -> Course:
+    """The course of members with given values over time; the same setting while no value moves."""
     last: list[tuple[NDArray, Setting]] = []
 
     def course(time: float) -> Setting:
@@ -241,8 +237,7 @@ def _moving(setting: Callable[[NDArray], Setting],
 
 def sweep_in_time(start: PeriodicOrbit, values: Iterable[float],
                   parameter: str = "static_eccentricity", *, revolutions: int = 80, keep: int = 8,
-                  steps: int = 128, modes: int = 12,
-                  progress: Progress | None = None) -> Passage:
+                  steps: int = 128, modes: int = 12, progress: Progress | None = None) -> Passage:
     """Begin on an orbit and move a parameter through these values at one instant each, waiting
     `revolutions` at each.
 

@@ -23,9 +23,7 @@ QUADRATIC = 1e-6  # a Newton step below this leaves an error of about its square
 
 @dataclass(frozen=True)
 class Solution:
-    """Where a solver ended: y, its residual and Jacobian, the steps taken, whether y solves the
-    system.
-    """
+    """Where a solver ended: y, its residual and Jacobian, steps taken, whether y is a solution."""
 
     y: NDArray
     residual: NDArray

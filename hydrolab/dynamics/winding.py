@@ -233,9 +233,7 @@ class Disturbance:
         return out
 
     def swayed(self) -> NDArray:
-        """How far what the forces do beside their mean may move each pole, to second order, rad/s,
-        (m,).
-        """
+        """How far the forces beside their mean may move each pole, to second order, rad/s, (m,)."""
         middle, (K, c) = self.order, self.slopes.shape[1:3]
         at = self.linear.poles[:, None] + 1j * self.step * self.harmonics
         swing = [0.0 if hat is None else np.linalg.norm(

@@ -120,9 +120,7 @@ class ArclengthView(View):
 
 
 def arclength_explorer() -> FigureExplorer:
-    """Natural and arclength continuation on a circle, an S and the static pull-in curve, with steps
-    of one length.
-    """
+    """Natural and arclength continuation on a circle, an S and the static pull-in curve."""
     return FigureExplorer(ArclengthView(), {
         "curve": choice("curve", "circle", list(CURVES)),
         "way": choice("continuation", WAYS[0], list(WAYS)),

@@ -53,9 +53,7 @@ class CampbellView(View):
         return vary(self.machine, changes).model()
 
     def __call__(self, speed: float, stiffness: float, gyroscopic: float) -> str:
-        """Show the diagram at a speed (rpm), bearings and polar inertias as multiples of the
-        card's; return the reading.
-        """
+        """Show the diagram at a speed (rpm), stiffness and polar inertia over the card's."""
         model = self._model(stiffness, gyroscopic)
         if (stiffness, gyroscopic) != self._key:
             self.diagram = campbell(model, self.speeds, MOST)

@@ -78,8 +78,7 @@ class EccentricityView(View):
         draw_axis(axes)
         axes.set(adjustable="box", xlim=(-1.12 * gap, 1.12 * gap), ylim=(-1.12 * gap, 1.12 * gap))
         self.circle = self.line(axes, color=COLOURS["stator"], linewidth=3.5)
-        self.stator = self.line(axes, "x", color=COLOURS["stator"], markersize=8,
-                                markeredgewidth=2)
+        self.stator = self.line(axes, "x", color=COLOURS["stator"], markersize=8, markeredgewidth=2)
         self.path = self.line(axes, color=COLOURS["rotor"], linewidth=2)
         self.measure = self.line(axes, ".-", color=COLOURS["axis"], linewidth=1.4, markersize=4)
         middle = {"ha": "center", "va": "center"}
@@ -133,9 +132,7 @@ class EccentricityView(View):
                     borderpad=0.3)
 
     def __call__(self, eccentricity: float, leg: int = 1) -> str:
-        """Show the steady state at an eccentricity (%) on a leg (1 is the first); return the
-        reading.
-        """
+        """Show the steady state at an eccentricity (%) on a leg (1 is the first)."""
         self.diagram.cursor.set_xdata([eccentricity, eccentricity])
         orbit = self.legs.orbit(eccentricity / 100, leg - 1)
         if orbit is None:

@@ -89,9 +89,7 @@ class KeptFigure:
         return self._last
 
     def greyed(self) -> NDArray:
-        """The pixels of the last picture in pale grey with words across it; asked again, it does
-        not fade further.
-        """
+        """The last picture in pale grey with words across it, however often it is asked for."""
         if self._last is None:
             self.pixels()
         # anew, where the figure was saved at another resolution
@@ -150,9 +148,7 @@ def main_control(controls: Mapping[str, Any]) -> str | None:
 
 
 def slider_values(control: Any, count: int = FRAMES, keep: Any = None) -> list[Any]:
-    """At most `count` values of a slider control, in its order; both ends and `keep` (by default
-    its value) are among them.
-    """
+    """At most `count` values of a slider control, both ends and `keep` (its value) among them."""
     keep = control.value if keep is None else keep
     if hasattr(control, "options"):
         options = [option[1] if isinstance(option, tuple) else option for option in control.options]

@@ -34,9 +34,7 @@ Number = Callable[[NDArray, NDArray], NDArray]
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A stretch of a branch between two folds (or an end): its least and greatest eccentricity, and
-    its rows.
-    """
+    """A stretch of a branch between folds or ends: least and greatest eccentricity, its rows."""
 
     low: float
     high: float
@@ -47,9 +45,7 @@ class Leg:
         return self.low <= eccentricity <= self.high
 
     def stop(self, percentage: float) -> float:
-        """The slider's stop nearest to an eccentricity (%) that lies on the leg; the middle of a
-        leg too short for one.
-        """
+        """The stop (%) on the leg nearest to a percentage; the middle where a leg has none."""
         first, last = math.ceil(100 * self.low / STEP), math.floor(100 * self.high / STEP)
         if last < first:
             return 50 * (self.low + self.high)
@@ -58,9 +54,7 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Legs:
-    """A branch that begins at zero eccentricity, cut at its folds, with the verdict on each of its
-    points.
-    """
+    """A branch from zero eccentricity, cut at its folds, with the verdict on each of its points."""
 
     branch: Branch
     stability: Sequence[Floquet]
@@ -96,9 +90,7 @@ class Legs:
         return verdicts(self.branch, self.stability)
 
     def orbit(self, eccentricity: float, leg: int) -> PeriodicOrbit | None:
-        """The steady state on a leg (0 is the first), or None where the leg does not pass that
-        eccentricity.
-        """
+        """The steady state on a leg (0 is the first) at an eccentricity; None: there is none."""
         if not (0 <= leg < len(self.all) and self.all[leg].holds(eccentricity)):
             return None
         place = sum(other.holds(eccentricity) for other in self.all[:leg])
@@ -120,9 +112,7 @@ class Legs:
         return self.words[rows.start + int(np.argmin(away))] if len(away) else "unknown"
 
     def stable_at(self, eccentricity: float) -> tuple[int, ...]:
-        """The legs (0 is the first) that a machine can be on at an eccentricity, by their nearest
-        points.
-        """
+        """The legs (0 is the first) that a machine can be on at an eccentricity."""
         return tuple(i for i, leg in enumerate(self.all)
                      if leg.holds(eccentricity) and self._verdict_at(eccentricity, i) == "stable")
 
@@ -131,9 +121,7 @@ class Legs:
         return UM * first_along(self.branch, local)
 
     def lines(self, number: Number, per_branch: int = 240) -> dict[str, tuple[NDArray, NDArray]]:
-        """For each verdict, eccentricity (%) and `number`, with nan between stretches; per_branch:
-        points.
-        """
+        """Eccentricity (%) and `number` by verdict, nan between stretches; per_branch: points."""
         smooth = curve(self.branch)
         whole = smooth.at_points[-1] - smooth.at_points[0]
         pieces: dict[str, list] = {}
@@ -174,8 +162,7 @@ def legs_of(machine: Machine) -> Legs:
         raise BadInput("speed is 0 rad/s; an explorer of steady states needs a turning rotor.")
     with threadpool_limits(1):
         # three legs: what comes after the third fold is never stable, and a slider has little time
-        branch = follow(machine.model(), speed=machine.speed, to=0.5,
-                        method=Arclength(max_folds=3))
+        branch = follow(machine.model(), speed=machine.speed, to=0.5, method=Arclength(max_folds=3))
         return Legs(branch, branch_stability(branch, locate=False).points)
 
 

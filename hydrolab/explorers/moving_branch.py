@@ -93,9 +93,7 @@ class BranchView(View):
         return [*self.orbits, *self.names, self.stator, self.none]
 
     def _numbers(self, legs: Legs) -> tuple[Number, Number]:
-        """What the two diagrams draw of a branch: 1X along the eccentricity, µm, and the smallest
-        gap, mm.
-        """
+        """What the diagrams draw of a branch: 1X along the eccentricity, µm; smallest gap, mm."""
         def left(eccentricity: NDArray, local: NDArray) -> NDArray:
             centres = self.gap * eccentricity[:, None] * legs.branch.direction
             return MM * clearances(legs.branch.equations, local, centres).min(axis=1)
@@ -120,9 +118,7 @@ class BranchView(View):
         self.kept.redraw()
 
     def __call__(self, eccentricity: float, **values: float) -> str:
-        """Show the branch with these values and its orbits at an eccentricity (%); return the
-        reading.
-        """
+        """Show the branch with these values, and its orbits at an eccentricity (%)."""
         ratios = {name: value / self.numbers[name][2] for name, value in values.items()}
         ratios = {name: ratio for name, ratio in ratios.items() if abs(ratio - 1) > 1e-9}
         for cursor in self.cursors:
@@ -154,9 +150,7 @@ class BranchView(View):
 
     def _solve(self, eccentricity: float,
                ratios: dict[str, float]) -> tuple[list[PeriodicOrbit], list[str]]:
-        """The orbits at one eccentricity and their verdicts; the branch is moved if the machine has
-        changed.
-        """
+        """The orbits at an eccentricity and their verdicts, on the branch of these ratios."""
         if ratios == self._ratios:
             orbits = self.legs.orbits(eccentricity)[:SEVERAL]
             return orbits, [f.verdict for f in floquet_all(orbits, quick=True)]

@@ -20,9 +20,7 @@ TURN = np.array([np.sin(ANGLE), np.cos(ANGLE)])
 
 
 class GapShapeView(View):
-    """A stator that is not round: the gap around the rotor, and the pull on it against that of a
-    round gap.
-    """
+    """The gap of a stator that is not round, and the pull in it against that of a round gap."""
 
     @at_work()
     def __init__(self, machine: Machine) -> None:
@@ -45,9 +43,7 @@ class GapShapeView(View):
         right.legend(loc="upper right", ncols=3, fontsize=11)
 
     def __call__(self, shape: str, depth: float, displacement: float, direction: float) -> str:
-        """Show a shape, its depth and the rotor's displacement (% of the gap), and its direction
-        (°); return the reading.
-        """
+        """Show a shape, its depth and the displacement (% of the gap) in a direction (°)."""
         lobed = 1 + depth / 100 * np.cos(SHAPES[shape] * ANGLE)
         law = ShapedPull(self.k, self.gap, self.gap * lobed[:-1])
         toward, e = math.radians(direction), displacement / 100 * self.gap

@@ -54,8 +54,7 @@ class PastFoldView(View):
         self.words = left.annotate("", (0.5, 0.86), xycoords="axes fraction", ha="center",
                                    fontsize=14)
         self.diagram = Diagram(right, self.legs)
-        self.dots, = right.plot([], [], "o", color=COLOURS["axis"], markersize=7,
-                                linestyle="none")
+        self.dots, = right.plot([], [], "o", color=COLOURS["axis"], markersize=7, linestyle="none")
         self.jumps, = right.plot([], [], color=PURPLE, linewidth=2, marker=".")
         self.here, = right.plot([], [], "o", color=COLOURS["rotor"], markersize=15,
                                 fillstyle="none", markeredgewidth=3)
@@ -71,9 +70,7 @@ class PastFoldView(View):
         self.jumps.set_data([], [])
 
     def __call__(self, eccentricity: float) -> str:
-        """Bring the machine slowly to an eccentricity (%) and show all there is there; return the
-        reading.
-        """
+        """Bring the machine slowly to an eccentricity (%) and show all there is there."""
         with threadpool_limits(1):
             self._bring(eccentricity / 100)
             there = [(number, orbit) for number in range(len(self.legs.all))

@@ -21,9 +21,7 @@ VERDICTS = {(True, True): "Both agree with the paper.",
 
 
 class CalibrationView(View):
-    """Two readings of a machine as three of its numbers change: 1X when centred, and the first
-    fold. Each try is marked.
-    """
+    """1X when centred and the first fold as three numbers of a machine change, try by try."""
 
     @at_work()
     def __init__(self, machine: Machine) -> None:
@@ -59,9 +57,7 @@ class CalibrationView(View):
                                    f"bodies.{self.body.name}.mass": 1e3 * mass}).model()
 
     def __call__(self, depth: float, mass: float, unbalance: float) -> str:
-        """Show a depth of the guide bearing (m), a generator mass (t) and a factor on all
-        unbalances; return the reading.
-        """
+        """Show a depth of the guide bearing (m), a mass (t), a factor on the unbalance."""
         branch = follow(self._model(depth, mass, unbalance), speed=self.machine.speed, to=0.5,
                         method=Arclength(max_folds=1))
         first, leg = UM * first_along(branch), branch.first_leg

@@ -40,9 +40,7 @@ LAYOUT = {"width": "min(46em, 98%)"}  # of a slider
 
 @contextmanager
 def at_work() -> Iterator[None]:
-    """Draw in the house style and compute on one BLAS thread, which is quicker for small matrices;
-    also a decorator.
-    """
+    """Draw in the house style, and compute on one BLAS thread, quicker for small matrices."""
     with house_style(), threadpool_limits(1):
         yield
 
@@ -171,9 +169,7 @@ class FigureExplorer(widgets.VBox):
             self.image.reading, self.image.still, self.image.moving = reading, still, moving
 
     def flipbook(self) -> dict[str, str]:
-        """What is seen along the first slider, the other controls as at the start, for a page
-        without a kernel.
-        """
+        """What is seen along the first slider, for a page without a kernel."""
         name = main_control(self.controls)
         if name is None or sys.platform == "emscripten":  # long there, and not needed
             return {}
@@ -194,9 +190,7 @@ class FigureExplorer(widgets.VBox):
         self.set(**self.initial)
 
     def _clicked(self, widget: Any, content: Any, buffers: Any) -> None:
-        """Set what the view picks at a place in the figure; what does not look like one is passed
-        over.
-        """
+        """Set what the view picks at a place in the figure; what is no place is passed over."""
         place = [content.get(axis) for axis in ("x", "y")] if isinstance(content, dict) else [None]
         inside = all(isinstance(v, (int, float)) and 0 <= v <= 1 for v in place)
         if inside and (found := self.view.pick(*place)):
@@ -207,9 +201,7 @@ class FigureExplorer(widgets.VBox):
 
 
 class PictureView(View):
-    """A view from a function that returns a `Picture`: of one kept figure, which is quickest, or of
-    a new one.
-    """
+    """A view from a function that returns a `Picture`, quickest of one kept figure."""
 
     def __init__(self, draw: Callable[..., Picture]) -> None:
         self.draw = draw
@@ -262,9 +254,7 @@ def steps(description: str, value: int, options: list[int]) -> widgets.Selection
 
 
 def choice(description: str, value: Any, options: list) -> widgets.ToggleButtons:
-    """Buttons of which one is down; options: words, or pairs of words and value; description and
-    value as of `slider`.
-    """
+    """Buttons, one of them down; options: words or (words, value); description, value: its own."""
     words = [option[0] if isinstance(option, tuple) else option for option in options]
     return widgets.ToggleButtons(value=value, options=options, description=description,
                                  style={"button_width": wide_enough(words, 2.0)})

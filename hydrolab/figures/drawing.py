@@ -25,11 +25,8 @@ PALE = "#C8C8C8"  # what something is compared with
 
 
 def draw_orbit(axes: Axes, path: NDArray, colour: Any, *, label: str = "", width: float = 2.2,
-               line: str = "-",
-               sense: bool = True) -> None:
-    """Draw one revolution, path (2, n) in m from Ωt = 0, in mm, with its sense unless that is
-    switched off.
-    """
+               line: str = "-", sense: bool = True) -> None:
+    """Draw one revolution, path (2, n) in m from Ωt = 0, in mm; sense: with its sense."""
     axes.plot(*(MM * path), line, color=colour, linewidth=width, label=label)
     if sense:
         draw_sense(axes, path, colour)
@@ -39,8 +36,7 @@ def draw_sense(axes: Axes, path: NDArray, colour: Any, label: str = "") -> None:
     """A dot where a revolution begins, at Ωt = 0, and an arrow the way it goes; path (2, n) in m.
     """
     axes.plot(*(MM * path[:, :1]), "o", color=colour, markersize=8, markeredgecolor="white",
-              zorder=5, linestyle="none",
-              label=label)
+              zorder=5, linestyle="none", label=label)
     draw_arrow(axes, path, colour)
 
 
@@ -61,9 +57,7 @@ def about_mean(orbit: PeriodicOrbit) -> NDArray:
 
 
 def close_up(axes: Axes, title: str, path: NDArray, label: str, reach: float) -> None:
-    """A plane with a title and a reach, µm, and in wide grey, with a label, the path (2, n) that
-    another is compared with.
-    """
+    """A plane with a title and a reach, µm, and a wide grey path (2, n) to compare another with."""
     plane(axes, title)
     axes.set(xlabel="x, µm", ylabel="z, µm", adjustable="box", xlim=(-reach, reach),
              ylim=(-reach, reach))
@@ -88,9 +82,7 @@ def contact_line(model: Model, count: int = 181) -> NDArray:
 
 
 def draw_gap(axes: Axes, centre: NDArray, model: Model, *, label: bool = True) -> None:
-    """The line the rotor centre may not cross, about the stator centre (m); that centre; the
-    bearing axis.
-    """
+    """The line the rotor centre may not cross, about the stator centre (m), and both centres."""
     line = contact_line(model)
     is_round = np.ptp(np.hypot(*line)) < 1e-6 * model.gap
     contact = f"contact, radius {MM * model.gap:.3g} mm" if is_round else "contact"
@@ -147,9 +139,7 @@ def draw_smallest_gap(axes: Axes, orbit: PeriodicOrbit) -> None:
 
 
 def frame(axes: Axes, points: ArrayLike, margin: float = 0.12) -> None:
-    """Set the limits around points (2, n) in m, in mm, with a margin; the same aspect fills the
-    rest.
-    """
+    """Set the limits around points (2, n), m, with a margin; the same aspect fills the rest."""
     x, z = MM * np.asarray(points)
     pad = max(margin * max(np.ptp(x), np.ptp(z)), 1e-3)
     axes.set_xlim(x.min() - pad, x.max() + pad, auto=None)  # not fixed: equal aspect widens them
@@ -157,13 +147,10 @@ def frame(axes: Axes, points: ArrayLike, margin: float = 0.12) -> None:
 
 
 def frame_gap(axes: Axes, centre: NDArray, gap: float) -> None:
-    """Set the limits around the whole gap about its centre, m, and put the legend where the circle
-    leaves room.
-    """
+    """Set the limits around the gap about its centre, m, and put the legend where there is room."""
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="center", bbox_to_anchor=tuple(MM * (centre - [0, 0.5 * gap])),
-                    bbox_transform=axes.transData,
-                    handlelength=1.5)
+                    bbox_transform=axes.transData, handlelength=1.5)
     frame(axes, centre[:, None] + gap * np.array([[-1.0, 1.0], [-1.0, 1.0]]), 0.04)
 
 

@@ -132,8 +132,7 @@ def integrity_picture(branch: Branch, found: Integrity,
         lower.plot(values, 100 * share, style, color=colour, label=label)
     if np.isfinite(found.fold):
         lower.axvline(100 * found.fold, color=COLOURS["fold"], linewidth=1.2, label="fold")
-    lower.set(xlabel="static eccentricity, % of the gap", ylim=(0, None),
-              ylabel="safe pushes, %",
+    lower.set(xlabel="static eccentricity, % of the gap", ylim=(0, None), ylabel="safe pushes, %",
               title=f"How much push the first leg stands, {percent(found.values[0])} is 100")
     lower.legend(loc="lower left")
     return Picture(figure, str(found))

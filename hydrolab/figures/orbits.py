@@ -69,9 +69,7 @@ class Curve:
 
 
 def curve(branch: Branch) -> Curve:
-    """A cubic spline over the chord length; the folds are among its knots, so it turns where the
-    branch does.
-    """
+    """A cubic spline over the chord length; its knots hold the folds, so it turns there."""
     length = branch.equations.length
     points = np.column_stack([branch.values, length * branch.unknowns])
     after = np.array([fold.after for fold in branch.folds], dtype=int)
@@ -104,9 +102,7 @@ def stretches(branch_curve: Curve, words: Sequence[str]) -> list[tuple[str, floa
 
 def draw_branch(axes: Axes, branch: Branch, number: Number,
                 stability: Sequence[Floquet] | None = None) -> None:
-    """Draw one number of a branch (m, in µm) over the parameter that it follows (the static
-    eccentricity in %).
-    """
+    """Draw a number of a branch (m, in µm) over its parameter (the static eccentricity in %)."""
     scale, _ = parameter_axis(branch)
     if len(branch) == 1:
         axes.plot(scale * branch.values, UM * number(branch.local), "o", color=COLOURS["rotor"],

@@ -79,9 +79,7 @@ def quoted(study: SteadyStudy, percentage: float) -> str:
 
 
 def _validation(study: Study) -> tuple[NDArray, NDArray, NDArray]:
-    """Times (s) of the last three revolutions of the check, integrated positions, and harmonic
-    balance there, m.
-    """
+    """Times (s) of the check's last three revolutions, positions and harmonic balance there, m."""
     times, path = study.check.last(min(3.0, study.check.revolutions))
     return times, path, study.orbits[VALIDATION].positions(study.speed * times)
 
@@ -247,9 +245,7 @@ def first_leg(study: SteadyStudy) -> list[PeriodicOrbit]:
 
 @house_style()
 def figure_5(study: SteadyStudy) -> Picture:
-    """Mean and harmonics of x and of z over the static eccentricity, up to the first fold, on two
-    scales.
-    """
+    """Mean and harmonics of x and z over the eccentricity up to the first fold, on two scales."""
     orbits = first_leg(study)
     eccentricity = [100 * orbit.static_eccentricity for orbit in orbits]
     figure = new_figure(12, 9)
@@ -282,9 +278,7 @@ def figure_5(study: SteadyStudy) -> Picture:
 
 @house_style()
 def figure_6(study: SteadyStudy) -> Picture:
-    """Orbits at the generator as the eccentricity grows: as they travel, and each one centred on
-    its mean.
-    """
+    """Orbits at the generator as the eccentricity grows: as they travel; about their means."""
     orbits = [study.orbits[p] for p in EVOLUTION]
     paths = [orbit.positions(REVOLUTION) for orbit in orbits]
     colours = eccentricity_colours(len(orbits))
@@ -319,9 +313,7 @@ def figure_6(study: SteadyStudy) -> Picture:
 
 @house_style()
 def figure_7(study: SteadyStudy) -> Picture:
-    """The rotor at 1, 5, 7 and 8.9 %, bent, with the orbits of all nodes; a machine without a
-    shaft: its orbits.
-    """
+    """The bent rotor at 1, 5, 7 and 8.9 % with the orbits of all nodes; of a point: its orbits."""
     if study.machine.shaft is None:
         return orbits_only(study)
     stations = [rotor_stations(study.machine, study.orbits[p]) for p in ROTOR]
@@ -377,9 +369,7 @@ def orbits_only(study: SteadyStudy) -> Picture:
 
 @house_style()
 def figure_8(study: Study) -> Picture:
-    """The whole branch with its stability, and what direct integration finds just beyond the
-    paper's last orbit.
-    """
+    """The whole branch with its stability, and the motion beyond the paper's last orbit."""
     figure = new_figure(14, 8)
     panels = figure.subplot_mosaic([["branch", "gap"], ["branch", "orbit"]], width_ratios=(1, 1.05),
                                    height_ratios=(1, 1.35))
@@ -410,9 +400,7 @@ def _draw_folds(axes: Axes, study: Study) -> None:
 
 
 def _draw_gap_left(axes: Axes, study: Study) -> None:
-    """The smallest gap in time: to contact, or over the first revolutions of a motion that stays in
-    the gap.
-    """
+    """The smallest gap in time: to contact, or over the first revolutions where there is none."""
     beyond = study.beyond
     turns = (beyond.times - beyond.times[0]) * study.speed / (2 * math.pi)
     shown = turns <= SHOWN if beyond.finished else np.ones(len(turns), dtype=bool)
@@ -428,9 +416,7 @@ def _draw_gap_left(axes: Axes, study: Study) -> None:
 
 
 def _draw_motion(axes: Axes, study: Study) -> None:
-    """The motion in the plane, with where it started and the steady states that the branch has
-    there.
-    """
+    """The motion in the plane, with where it started and the branch's steady states there."""
     beyond = study.beyond
     plane(axes)
     start = study.orbits[8.9].positions(REVOLUTION)

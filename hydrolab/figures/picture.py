@@ -55,17 +55,13 @@ class Picture:
         return stream.getvalue()
 
     def webp(self) -> bytes:
-        """The picture as WebP without loss, two thirds of the PNG, for pages that carry their
-        pictures within.
-        """
+        """The picture as WebP without loss, two thirds of the PNG, for pages that hold it."""
         stream = io.BytesIO()
         self._few_colours().convert("RGB").save(stream, "webp", lossless=True, quality=80, method=4)
         return stream.getvalue()
 
     def svg(self) -> bytes:
-        """The picture as SVG, the same bytes each time; the reading is its title, which screen
-        readers say.
-        """
+        """The picture as SVG, the same bytes each time; the reading is its title."""
         return self._written("svg", {"Date": None, "Creator": None, "Title": self.reading,
                                      "Description": self.reading})
 

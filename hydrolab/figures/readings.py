@@ -48,9 +48,7 @@ def along(branch: Branch, coefficients: NDArray | None = None) -> NDArray:
 
 
 def first_along(branch: Branch, coefficients: NDArray | None = None) -> NDArray:
-    """1X along the eccentricity, m 0-to-peak, shape (points,); branch and coefficients as of
-    `along`.
-    """
+    """1X along the eccentricity, m 0-to-peak, (points,); branch and coefficients as of `along`."""
     first = branch.equations.revolutions
     return np.hypot(*along(branch, coefficients)[:, 2 * first - 1:2 * first + 1].T)
 
@@ -76,9 +74,7 @@ def said(branch: Branch, value: float, digits: int = 3) -> str:
 
 @singledispatch
 def reading(result: object) -> str:
-    """The sentence of a result: a PeriodicOrbit, a Branch, a Trajectory or Modes; anything else
-    prints as it does.
-    """
+    """The sentence of a PeriodicOrbit, a Branch, a Trajectory or Modes; all else as it prints."""
     return str(result)
 
 

@@ -32,9 +32,7 @@ CLOSE = 0.03  # of the shaft's length: names nearer than this share a line
 
 
 def body_coefficients(machine: Machine, orbit: PeriodicOrbit, name: str) -> NDArray:
-    """[mean, sin 1, cos 1, …] of x and z at the centre of a body, through its rigid link, m, shape
-    (2, 2m + 1).
-    """
+    """[mean, sin 1, cos 1, …] of x and z at a body's centre, by its link, m, (2, 2m + 1)."""
     body = machine.body(name)
     node = orbit.model.at_nodes(orbit.shaft)[body.node]
     return (rigid_link(body.offset)[:2] if len(node) == 4 else np.eye(2)) @ node
@@ -100,9 +98,7 @@ def draw_bearings(axes: Axes, machine: Machine, half_width: float) -> None:
 
 
 def name_parts(axes: Axes, machine: Machine) -> None:
-    """The names of bodies, bearings and cracks on the right side of a panel, at their depths; close
-    ones share a line.
-    """
+    """The names of all parts on the right of a panel, at their depths; close ones share a line."""
     parts = [(depth, name) for depth, name, _ in supports(machine)]
     parts += [(machine.shaft.nodes[b.node] + b.offset, b.name) for b in machine.bodies]
     lines: list[tuple[float, str]] = []
@@ -206,9 +202,7 @@ def line_reading(orbit: PeriodicOrbit) -> str:
 
 
 def draw_z(axes: Axes, x: float, depth: float, factor: float, largest: float) -> None:
-    """An arrow along z, away from the reader, of a round length; x in mm, depth and the largest
-    displacement in m.
-    """
+    """An arrow of a round length along z; x in mm, depth and the largest displacement in m."""
     length = 10.0 ** math.floor(math.log10(largest))
     (start, end), (low, high) = on_page(np.array([[x / MM, x / MM], [0.0, length]]), depth, factor)
     axes.annotate("", xy=(end, high), xytext=(start, low),

@@ -53,17 +53,13 @@ STYLE: Mapping[str, object] = MappingProxyType({
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw in the house style inside a `with`, or in a whole function as a decorator; settings come
-    back after it.
-    """
+    """Draw in the house style inside a `with`, or in a whole function as a decorator."""
     with style.context(["default", dict(STYLE)]):
         yield
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, width by height inches, with its own Agg canvas: it works headless and
-    pyplot never hears of it.
-    """
+    """An empty figure, width by height inches, with an Agg canvas: pyplot never hears of it."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure

@@ -154,9 +154,8 @@ class MeasuredGap:
     def __str__(self) -> str:
         largest = max(self.bulges, key=lambda b: b.size)
         return (f"Mean gap {1e3 * self.mean:.4g} mm, from {1e3 * self.gap.min():.4g} to "
-                f"{1e3 * self.gap.max():.4g} mm at "
-                f"{len(self.gap)} angles; the largest order is {largest.order} with "
-                f"{1e6 * largest.size:.3g} µm at "
+                f"{1e3 * self.gap.max():.4g} mm at {len(self.gap)} angles; the largest order is "
+                f"{largest.order} with {1e6 * largest.size:.3g} µm at "
                 f"{math.degrees(largest.angle):.4g}°; orders 1 to {len(self.bulges)} leave "
                 f"{1e6 * self.misfit:.2g} µm rms.")
 

@@ -105,9 +105,7 @@ class PolePairPull(ForceLaw):
 
 @dataclass(frozen=True)
 class Poles(Part):
-    """The poles of the field, whose pull beats with twice the electrical frequency (`PolePairPull`,
-    `ShapedPull`).
-    """
+    """Poles; their pull beats with twice the electrical frequency: `PolePairPull`, `ShapedPull`."""
 
     table = "poles"
     pole_pairs: int = whole_field("pole pairs p of the field", 20, least=1, most=100,

@@ -55,9 +55,7 @@ class ForceLaw:
 
     def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
                   speed: float = 0.0) -> Linear:
-        """Force with its derivatives by position and by velocity, (c, c, …), the last None where
-        there is none.
-        """
+        """Force with its derivatives by position and by velocity (None if zero), (c, c, …)."""
         raise NotImplementedError
 
     def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
@@ -167,9 +165,7 @@ class TangentialPull(MatrixPull):
 
 @dataclass(frozen=True)
 class Bulge:
-    """One order of a shape: the radius is larger by size · cos(order (φ − angle)). size: m. angle:
-    of a peak, rad.
-    """
+    """The radius is larger by size · cos(order (φ − angle)). size: m. angle: of a peak, rad."""
 
     order: int
     size: float
@@ -338,9 +334,7 @@ class TiltedPull(ForceLaw):
 
     def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
               speed: float = 0.0) -> NDArray:
-        """Force, N, and the moment that works on the slopes, N m; nan where an end is in the
-        stator.
-        """
+        """Force, N, and moment on the slopes, N m; nan where an end is in the stator."""
         s, weight, e, phase = self._slices(u, phase)
         pull = self.upright.force(e, None, phase, speed)
         return np.concatenate([pull @ weight, pull @ (s * weight)])
@@ -416,9 +410,7 @@ class SeveralLaws(ForceLaw):
         return out, slope, damping
 
     def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
-        """Smallest gap, m, and its angle, rad, by the first law; u: all coordinates, or (x, z)
-        alone.
-        """
+        """Smallest gap, m, and its angle, rad, by the first law; u: all coordinates, or (x, z)."""
         return self.parts[0].law.narrowest(u[self.parts[0].rows], phase)
 
     def scaled(self, factor: float) -> SeveralLaws:

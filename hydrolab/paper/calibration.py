@@ -60,8 +60,7 @@ FREE: dict[str, Free] = {
     "generator_mass": Free("mass of the generator rotor", "kg", 6e4, 1.5e5,
                            "unit of some 22 MVA, H = 3 to 4 s"),
     "generator_gyration": Free("radius of gyration about the axis over the rotor radius", "1",
-                               0.60, 0.85,
-                               "between a solid disc, 0.71, and a rim, with spokes"),
+                               0.60, 0.85, "between a solid disc, 0.71, and a rim, with spokes"),
     "generator_shape": Free("Id/Ip of the generator", "1", 0.52, 0.65, "a disc 1 to 2 m high"),
     "turbine_mass": Free("mass of the runner with its hub", "kg", 2e4, 6e4,
                          "Kaplan runner of 4 to 5 m"),
@@ -76,8 +75,7 @@ FREE: dict[str, Free] = {
     "unbalance_share": Free("generator's share of the sum of the unbalances", "1", 0.5, 1.0,
                             "'in both generator and turbine'"),
     "unbalance_phase": Free("angle of the turbine's unbalance ahead of the generator's", "rad",
-                            0.0, 2 * math.pi,
-                            "unknown"),
+                            0.0, 2 * math.pi, "unknown"),
 }
 
 
@@ -130,11 +128,9 @@ def build(free: Mapping[str, float], bearing_depth: float, unbalance: float,
         name, SPEED,
         Shaft(nodes, 0.71, 2e11, 7850.0, poisson=0.3, shear_coefficient=0.9),
         (RigidBody("generator", 0, free["generator_mass"], free["generator_shape"] * polar, polar,
-                   -0.472,
-                   share * unbalance),
+                   -0.472, share * unbalance),
          RigidBody("turbine", 12, free["turbine_mass"], free["turbine_shape"] * runner, runner,
-                   free["turbine_offset"],
-                   (1 - share) * unbalance, free["unbalance_phase"])),
+                   free["turbine_offset"], (1 - share) * unbalance, free["unbalance_phase"])),
         (RadialBearing("generator guide bearing", 1, 1.37e9),
          RadialBearing("turbine guide bearing", 11, 1.64e9)),
         (ThrustBearing("thrust bearing", 6, 5e7),),
@@ -318,9 +314,7 @@ def judge_family(members: Iterable[Member], progress: Callable[[int, int], None]
 
 
 def tally(verdicts: Iterable[Verdicts], claim: int) -> dict[str, dict[str, int]]:
-    """How many members of each kind agree with a claim, by their verdicts: {kind: {"agree": n,
-    "of": n}}.
-    """
+    """How many members agree with a claim, by their verdicts: {kind: {"agree": n, "of": n}}."""
     counts: dict[str, dict[str, int]] = {}
     for v in verdicts:
         row = counts.setdefault(v.kind, {"agree": 0, "of": 0})

@@ -85,9 +85,7 @@ def orbit_record(orbit: PeriodicOrbit) -> dict[str, Any]:
 
 
 def further_orbits(study: Study) -> list[dict[str, Any]]:
-    """Steady states off the first leg, at the study's eccentricities from 8 % up, each with its
-    stability.
-    """
+    """Steady states off the first leg at the eccentricities from 8 % up, with stability."""
     found = []
     for percentage in (8.0, 8.5, 8.8, 8.9, 9.0):
         value = study.eccentricity(percentage)
@@ -100,9 +98,7 @@ def further_orbits(study: Study) -> list[dict[str, Any]]:
 
 def report(study: Study, claims: Iterable[Claim],
            family: dict[int, Any] | None = None) -> dict[str, Any]:
-    """The content of report.json. Axes and phases as in the README's conventions. family: counts by
-    claim.
-    """
+    """The content of report.json; axes and phases as the README says. family: counts by claim."""
     check, beyond = study.check, study.beyond
     return {
         "schema": SCHEMA,
@@ -155,17 +151,14 @@ def claims_table(claims: Iterable[Claim], family: dict[int, Any] | None = None) 
 
 
 def sensitivity_table(machine: Machine) -> Table:
-    """The free data of the paper's machine: ranges they were drawn from, this unit's values, and
-    what its fold does.
-    """
+    """The free data of the paper's machine: ranges, this unit's values, what its fold does."""
     member = member_of(machine, "with field")
     changes = sensitivity(member)
     table = Table(title="What the paper does not say, and how the first fold depends on it",
                   title_justify="left",
                   caption="The 200 µm are kept. A centimetre of guide-bearing depth moves the "
                           "fold by about 0.3 % of the gap on any unit, so equal elements, with "
-                          "bearings at 0.75 or 1.51 m, do not fit.",
-                  caption_justify="left")
+                          "bearings at 0.75 or 1.51 m, do not fit.", caption_justify="left")
     for name in ("datum", "drawn from", "this unit", "step", "fold moves, % of the gap"):
         table.add_column(name, justify="left" if name == "datum" else "right")
     for key, datum in FREE.items():
@@ -173,15 +166,12 @@ def sensitivity_table(machine: Machine) -> Table:
                                      f"{datum.unit.removeprefix('1')}".strip(),
                       f"{member.free[key]:.6g}", STEPS[key].said, f"{changes[key]:+.4f}")
     table.add_row("depth of the guide bearing", "calibrated, m", f"{member.bearing_depth:.4g}",
-                  "+1 cm",
-                  f"{changes['guide_bearing_depth']:+.4f}")
+                  "+1 cm", f"{changes['guide_bearing_depth']:+.4f}")
     return table
 
 
 def judged_family(tell: Any) -> tuple[dict[int, Any], int, int]:
-    """How many members agree with each claim, by kind of branch; how many were judged, and of how
-    many.
-    """
+    """How many members agree with each claim, by kind of branch; how many of all were judged."""
     members = load_family().members
     verdicts = judge_family(members, progress=lambda done, of: tell("family", done, of))
     return {claim: tally(verdicts, claim) for claim in range(1, 13)}, len(verdicts), len(members)
@@ -233,9 +223,7 @@ def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study")
 
 def summary(study: Study, claims: Sequence[Claim], pictures: dict[str, Any],
             out: Path) -> list[str]:
-    """What is said below the claims: how the percentages are stretched, the readings of pictures,
-    and what was written where.
-    """
+    """What is said below the claims: the stretch, readings of pictures, what was written to out."""
     lines = [f"• {picture.reading}" for picture in pictures.values()]
     if study.scale != 1:
         lines.insert(0, f"The paper's percentages are stretched by {study.scale:.4g}: on this "

@@ -74,9 +74,7 @@ class SteadyStudy:
 
     @cached_property
     def kind(self) -> str:
-        """"S-shaped" if the leg after the second fold climbs past the first fold again, else
-        "plain".
-        """
+        """"S-shaped" if the leg after the second fold climbs past the first one, else "plain"."""
         folds = self.branch.folds
         if len(folds) < 2:
             return "plain"
@@ -129,9 +127,7 @@ def scale_of(limit: float) -> float:
 
 
 def steady_study(machine: Machine, progress: Progress | None = None) -> SteadyStudy:
-    """The steady states of the study on a machine at its rated speed; progress and errors as of
-    `run_study`.
-    """
+    """The steady states of a machine's study; progress and errors as of `run_study`."""
     tell = telling(progress)
     air = check_studied(machine)
     with threadpool_limits(1):
