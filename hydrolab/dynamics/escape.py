@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import binomtest
 
 from hydrolab.dynamics.branches import Branch, SpecialPoint, orbits_at, stable_orbits_at
 from hydrolab.dynamics.ensemble import (
@@ -64,6 +63,7 @@ class Arrivals:
         """Interval in which that share lies with this confidence, if phases come at random (Wilson
         1927).
         """
+        from scipy.stats import binomtest  # takes as long to import as the rest of SciPy
         count = binomtest(int(np.sum(self.ends == end)), self.ends.size)
         low, high = count.proportion_ci(confidence, method="wilson")
         return float(low), float(high)
