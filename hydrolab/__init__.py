@@ -18,6 +18,7 @@ from hydrolab.dynamics.integrate import CentralDifference, Newmark, RungeKutta, 
 from hydrolab.dynamics.maps import steady_map
 from hydrolab.dynamics.modes import campbell, critical_speeds, modes
 from hydrolab.dynamics.reduction import reduce, truncation_error
+from hydrolab.dynamics.run import Schedule, coast_down, load_rejection, run, runaway, start_up
 from hydrolab.dynamics.slow_change import drift, poincare, sweep_in_time
 from hydrolab.dynamics.solvers import newton, powell_dog_leg
 from hydrolab.dynamics.stability import floquet
@@ -30,11 +31,11 @@ from hydrolab.machine.quantities import number
 __version__ = "0.1.0"
 __all__ = [
     "Arclength", "BadInput", "CentralDifference", "CircularPull", "Contact", "HarmonicBalance",
-    "LinearPull", "Newmark", "NoConvergence", "RungeKutta", "ShapedPull", "arrivals", "basins",
-    "branch_off", "branch_stability", "campbell", "card_names", "card_text", "critical_speeds",
-    "drift", "ellipse", "floquet", "follow", "integrate", "integrity", "load_machine", "modes",
-    "newton", "orbits_at", "poincare", "powell_dog_leg", "reduce", "rpm", "self_crossings",
-    "stable_orbits_at",
+    "LinearPull", "Newmark", "NoConvergence", "RungeKutta", "Schedule", "ShapedPull", "arrivals",
+    "basins", "branch_off", "branch_stability", "campbell", "card_names", "card_text", "coast_down",
+    "critical_speeds", "drift", "ellipse", "floquet", "follow", "integrate", "integrity",
+    "load_machine", "load_rejection", "modes", "newton", "orbits_at", "poincare", "powell_dog_leg",
+    "reduce", "rpm", "run", "runaway", "self_crossings", "stable_orbits_at", "start_up",
     "steady_map", "steady_states", "sweep", "sweep_in_time", "truncation_error", "update_branch",
     "vary",
 ]

@@ -4,10 +4,10 @@
 `following` goes through folds with `continuation`, `branches` is what comes of it; `stability` says
 which orbits last, by `winding`. `batch` solves many at once and `maps` over two parameters.
 `steady_states` gathers all that can be found. `integrate` moves in time, `ensemble` many motions
-side by side, `slow_change` a parameter while they move; `escape` is how they leave. `modes`,
-`reduction` and `equilibrium` are the linear machine; `harmonics` holds sums of harmonics, `results`
-what comes out. A function that bears its module's name (`modes`, `integrate`, `steady_states`) is
-imported from `hydrolab`.
+side by side, `slow_change` a parameter while they move, `run` the speed and the field, from a start
+to a runaway; `escape` is how they leave. `modes`, `reduction` and `equilibrium` are the linear
+machine; `harmonics` holds sums of harmonics, `results` what comes out. A function that bears its
+module's name (`modes`, `integrate`, `run`, `steady_states`) is imported from `hydrolab`.
 """
 
 from hydrolab.dynamics.branches import Branch, branch_stability, orbits_at, stable_orbits_at

@@ -53,6 +53,10 @@ class Task:
         """Phase of the rotation at a time or at many, s: rad."""
         return self.speed * time + self.lead
 
+    def pace(self, time: float) -> float:
+        """Speed at a time, rad/s."""
+        return self.speed
+
     def field(self, time: float) -> float:
         """Share of the full flux density at a time: linear up to 1 at the end of the ramp."""
         return min(1.0, time / self.ramp) if self.ramp > 0 else 1.0
@@ -65,13 +69,13 @@ class Task:
     def force(self, time: float, u: NDArray, rate: NDArray) -> NDArray:
         """Forces on the nonlinear coordinates u with velocities `rate`, N."""
         return self.law(time).force(self.model.relative(u, self.centre), rate, self.phase(time),
-                                    self.speed)
+                                    self.pace(time))
 
     def linearise(self, time: float, u: NDArray,
                   rate: NDArray) -> tuple[NDArray, NDArray, NDArray | None]:
         """Forces, N, and their derivatives by position, N/m, and velocity, N s/m, or None."""
         return self.law(time).linearise(self.model.relative(u, self.centre), rate,
-                                        self.phase(time), self.speed)
+                                        self.phase(time), self.pace(time))
 
     def loads(self, time: float) -> NDArray:
         """What acts on all DOFs whatever the motion, N: the unbalance and its like."""
@@ -172,7 +176,7 @@ def implicit_forces(task: Task, compliance: NDArray, mobility: NDArray) -> Calla
 
 
 def _no_position(task: Task, t: float) -> NoConvergence:
-    return NoConvergence(f"Newmark found no position after {task.phase(t) / (2 * math.pi):.2f} "
+    return NoConvergence(f"No position was found after {task.phase(t) / (2 * math.pi):.2f} "
                          "revolutions: the pull changes too much in a step. Use more steps per "
                          "revolution.")
 
@@ -412,11 +416,7 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
         raise BadInput(f"ramp is {ramp!r}; it must lie between 0 and the {revolutions} "
                        "revolutions.")
     centre = model.centre(number("static_eccentricity", static_eccentricity), direction)
-    small = model if modes is None else reduce(model, modes, speed=speed)
-    inertia = np.linalg.eigvalsh(small.M)
-    if not inertia[0] > len(inertia) * np.finfo(float).eps * inertia[-1]:
-        raise BadInput(f"{model.name} has a DOF without mass, which cannot be integrated in time; "
-                       "give the shaft a density above 0.")
+    small = on_basis(model, modes, speed)
     task = Task(small, speed, centre, ramp * period, lead)
     state = _first_state(model, small, speed, start)
     if any(disturbance):
@@ -428,6 +428,19 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
                       np.concatenate(paths, axis=1)[:2], states[-1],
                       stopped or f"It ran the {revolutions} revolutions asked for.", not stopped,
                       method, interrupted, lead)
+
+
+def on_basis(model: Model, modes: int | None, speed: float) -> Model:
+    """The model on so many modes and what they lack at a speed; with all its DOFs for None.
+
+    Raises BadInput for a DOF without mass.
+    """
+    small = model.at(speed) if modes is None else reduce(model, modes, speed=speed)
+    inertia = np.linalg.eigvalsh(small.M)
+    if not inertia[0] > len(inertia) * np.finfo(float).eps * inertia[-1]:
+        raise BadInput(f"{model.name} has a DOF without mass, which cannot be integrated in time; "
+                       "give the shaft a density above 0.")
+    return small
 
 
 def _displaced(model: Model, by: tuple[float, float]) -> NDArray:
@@ -446,7 +459,7 @@ def _moved(task: Task, method: Integrator, first: Block, revolutions: int,
         # a motion that grows without bound is said in words; an underflow is harmless
         with np.errstate(all="ignore"):
             for block in method.run(task, state, float(times[0]), revolutions):
-                block, stopped = _up_to_the_end(task, block, blocks[-1])
+                block, stopped = up_to_the_end(task, block, blocks[-1])
                 blocks.append(block)
                 if stopped:
                     return blocks, stopped, False
@@ -508,7 +521,7 @@ def _require_same(model: Model, other: Model) -> None:
                            "from a motion of this one; a change of stiffness needs modes=None.")
 
 
-def _up_to_the_end(task: Task, block: Block, before: Block) -> tuple[Block, str]:
+def up_to_the_end(task: Task, block: Block, before: Block) -> tuple[Block, str]:
     """The part of a block before contact, with the sentence that says so; "" if there is none."""
     times, path, state = block
     law, m = task.model.law, task.model
