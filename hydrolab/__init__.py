@@ -8,15 +8,18 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from hydrolab.dynamics.balancing import TrialRun, balance
 from hydrolab.dynamics.branches import branch_stability, orbits_at, stable_orbits_at
 from hydrolab.dynamics.ensemble import basins
 from hydrolab.dynamics.escape import arrivals, integrity
 from hydrolab.dynamics.following import Arclength, follow, sweep, update_branch
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import ellipse, self_crossings
+from hydrolab.dynamics.identify import identify
 from hydrolab.dynamics.integrate import CentralDifference, Newmark, RungeKutta, integrate
 from hydrolab.dynamics.maps import steady_map
 from hydrolab.dynamics.modes import campbell, critical_speeds, modes
+from hydrolab.dynamics.probes import made_up_record, read_record
 from hydrolab.dynamics.reduction import reduce, truncation_error
 from hydrolab.dynamics.run import Schedule, coast_down, load_rejection, run, runaway, start_up
 from hydrolab.dynamics.slow_change import drift, poincare, sweep_in_time
@@ -31,13 +34,13 @@ from hydrolab.machine.quantities import number
 __version__ = "0.1.0"
 __all__ = [
     "Arclength", "BadInput", "CentralDifference", "CircularPull", "Contact", "HarmonicBalance",
-    "LinearPull", "Newmark", "NoConvergence", "RungeKutta", "Schedule", "ShapedPull", "arrivals",
-    "basins", "branch_off", "branch_stability", "campbell", "card_names", "card_text", "coast_down",
-    "critical_speeds", "drift", "ellipse", "floquet", "follow", "integrate", "integrity",
-    "load_machine", "load_rejection", "modes", "newton", "orbits_at", "poincare", "powell_dog_leg",
-    "reduce", "rpm", "run", "runaway", "self_crossings", "stable_orbits_at", "start_up",
-    "steady_map", "steady_states", "sweep", "sweep_in_time", "truncation_error", "update_branch",
-    "vary",
+    "LinearPull", "Newmark", "NoConvergence", "RungeKutta", "Schedule", "ShapedPull", "TrialRun",
+    "arrivals", "balance", "basins", "branch_off", "branch_stability", "campbell", "card_names",
+    "card_text", "coast_down", "critical_speeds", "drift", "ellipse", "floquet", "follow",
+    "identify", "integrate", "integrity", "load_machine", "load_rejection", "made_up_record",
+    "modes", "newton", "orbits_at", "poincare", "powell_dog_leg", "read_record", "reduce", "rpm",
+    "run", "runaway", "self_crossings", "stable_orbits_at", "start_up", "steady_map",
+    "steady_states", "sweep", "sweep_in_time", "truncation_error", "update_branch", "vary",
 ]
 
 Speed = TypeVar("Speed", float, NDArray)

@@ -27,11 +27,7 @@ import numpy as np
 from hydrolab.errors import BadInput
 from hydrolab.machine.bearing_table import read_table
 from hydrolab.machine.bearings import BEARINGS, Bearing
-from hydrolab.machine.parts import (
-    KINDS,
-    Machine,
-    require_machine,
-)
+from hydrolab.machine.parts import KINDS, Machine
 from hydrolab.machine.quantities import (
     UNITS,
     BadParts,
@@ -46,6 +42,7 @@ from hydrolab.machine.quantities import (
     nickname,
     number,
     prose,
+    require_machine,
     shown,
 )
 

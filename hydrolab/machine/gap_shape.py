@@ -128,7 +128,7 @@ def gap_law(stiffness: float, gap: float, poles: Poles | None,
 COLUMNS = {"angle": {"deg": math.pi / 180, "rad": 1.0},
            "gap": {"m": 1.0, "mm": 1e-3, "µm": 1e-6, "um": 1e-6}}
 TURNS = 2  # beyond which angles in radians are degrees under the wrong name
-LARGEST_FILE = 5_000_000  # bytes
+LARGEST_FILE = 50_000_000  # bytes
 ROUGHEST = 1e3  # condition number beyond which the angles do not tell the orders apart
 
 
@@ -204,23 +204,25 @@ def read_gap(path: str | Path, orders: int = 8) -> MeasuredGap:
     return MeasuredGap(angle, gap, float(found[0]), bulges, misfit)
 
 
-def csv_rows(path: Path) -> list[tuple[int, list[str]]]:
-    """Rows of a CSV that are not empty, each with its line number."""
+def csv_rows(source: Path | str) -> list[tuple[int, list[str]]]:
+    """Rows of a CSV that are not empty, each with its line number; source: its path, or its text.
+    """
+    name = source.name if isinstance(source, Path) else "the text"
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise BadInput(f"{path.name} is larger than {LARGEST_FILE / 1e6:g} MB; a measured gap "
-                           "has some hundred lines.")
-        text = path.read_text(encoding="utf-8-sig")
+        size = source.stat().st_size if isinstance(source, Path) else len(source)
+        if size > LARGEST_FILE:
+            raise BadInput(f"{name} is larger than {LARGEST_FILE / 1e6:g} MB; cut out a part.")
+        text = source.read_text(encoding="utf-8-sig") if isinstance(source, Path) else source
         apart = ";" if ";" in text.lstrip().split("\n", 1)[0] else ","
         rows = enumerate(csv.reader(text.splitlines(), delimiter=apart), 1)
         # where semicolons are apart, commas mark the decimals
         return [(i, [cell.replace(",", ".") for cell in row] if apart == ";" else row)
                 for i, row in rows if any(cell.strip() for cell in row)]
     except OSError as error:
-        raise BadInput(f"{path.name} cannot be read: {error.strerror or error}; give the path of a "
+        raise BadInput(f"{name} cannot be read: {error.strerror or error}; give the path of a "
                        "CSV file.") from None
     except (UnicodeDecodeError, csv.Error):
-        raise BadInput(f"{path.name} is not a CSV file in UTF-8; export it as text with "
+        raise BadInput(f"{name} is not a CSV file in UTF-8; export it as text with "
                        "commas.") from None
 
 

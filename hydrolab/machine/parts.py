@@ -572,13 +572,6 @@ class Machine(Part):
         return "\n".join(line.rstrip() for line in lines)
 
 
-def require_machine(machine: Any) -> None:
-    """Raise BadInput for what is no machine, such as a model."""
-    if not isinstance(machine, Machine):
-        raise BadInput(f"machine is a {type(machine).__name__}; it must be a Machine, such as "
-                       "load_machine returns.")
-
-
 def _row(key: str, value: Any, held: Held, entry: Entry | None) -> Sequence[str]:
     """Key, quantity, source and note of a number as it is printed; nothing for a zero that nobody
     stated.

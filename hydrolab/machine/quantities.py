@@ -312,6 +312,13 @@ def require_model(model: Any) -> None:
         raise BadInput(f"model is a {type(model).__name__}; it must be a Model{own}.")
 
 
+def require_machine(machine: Any) -> None:
+    """Raise BadInput for what has no card's numbers, such as a model."""
+    if not hasattr(machine, "with_numbers"):
+        raise BadInput(f"machine is a {type(machine).__name__}; it must be a Machine, such as "
+                       "load_machine returns.")
+
+
 def micro(text: Any) -> Any:
     """Return a unit with the micro sign in place of the Greek letter that looks the same."""
     return text.replace("\u03bc", "\u00b5") if isinstance(text, str) else text

@@ -265,6 +265,23 @@ def load_family() -> Family:
                   tuple((r["number"], r["reading"], r["reason"]) for r in content["rejected"]))
 
 
+def family_prior(keys: Iterable[str]) -> dict[str, tuple[float, float]]:
+    """What the family knows of numbers of its card before anything is measured: mean and standard
+    deviation over the members by key, for `hydrolab.identify`.
+
+    It says nothing of what all members share, nor of angles, which may be anything.
+    """
+    machines = [member.machine() for member in load_family().members]
+    known = machines[0].numbers()
+    found = {}
+    for key in keys:
+        if key in known and machines[0].number(key)[1] != "rad":
+            values = np.array([machine.number(key)[0] for machine in machines])
+            if np.ptp(values) > 1e-9 * np.abs(values).max():
+                found[key] = float(values.mean()), float(values.std(ddof=1))
+    return found
+
+
 @dataclass(frozen=True)
 class Verdicts:
     """What the study of one member found: its kind, or "not studied", and which claims hold."""

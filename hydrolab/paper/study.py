@@ -27,7 +27,8 @@ from hydrolab.dynamics.solvers import powell_dog_leg
 from hydrolab.dynamics.stability import Floquet, floquet_all
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
-from hydrolab.machine.parts import AirGap, Machine, Shaft, require_machine
+from hydrolab.machine.parts import AirGap, Machine, Shaft
+from hydrolab.machine.quantities import require_machine
 
 FAMILY_CARD = "kaplan-150rpm"  # the card that stands for the paper's machine
 # the fold the shipped unit is calibrated to; the paper's own percentages lie below it

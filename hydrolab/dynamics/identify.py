@@ -1,0 +1,339 @@
+"""From records to the numbers of a machine: least squares on the harmonic balance.
+
+With the numbers p of a card, its steady states u(p) and what probes stored, û ± σ,
+
+    χ²(p) = Σ ((u(p) − û)/σ)² + Σ ((p − p₀)/σ₀)²
+
+is smallest at the best values; the second sum is a prior, if there is one. There the covariance is
+(JᵀJ)⁻¹ with J the derivative of the terms, and χ² of a right model is about the number of terms
+less that of the unknowns. What is larger than chance allows, the model cannot be right (R. A.
+Fisher 1925).
+
+A size and its angle, such as an unbalance and its phase, are found as r cos nα and r sin nα, on
+which the motion depends almost linearly, so that a first guess may point anywhere. The mean of a
+probe counts only by its differences between records, since nobody knows where its zero is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.special import gammaincc
+
+from hydrolab.dynamics.harmonic_balance import HarmonicBalance
+from hydrolab.dynamics.probes import ProbeRecord, motion_at, whole_orders
+from hydrolab.dynamics.results import PeriodicOrbit, require
+from hydrolab.errors import BadInput, Contact, NoConvergence
+from hydrolab.machine.quantities import number, quantity, require_machine, shown
+
+if TYPE_CHECKING:
+    from hydrolab.machine.parts import Machine
+
+LEVEL = 0.01  # a right model is rejected once in so many
+NORMAL_95 = 1.959964  # standard errors that hold 95 % of a normal distribution
+STEP = 1e-5  # of a scaled unknown, for derivatives
+FLAT = 1e-9  # of the largest singular value: below it a direction is not seen at all
+VAGUE = 0.5  # of a value, or of the prior's error: above it a number is not told
+TIED = 0.95  # correlation of two numbers that are told only together
+PARTNERS = {"unbalance": "phase", "size": "angle", "static_eccentricity": "direction"}
+STATOR = {"static_eccentricity": (0.01, "1"), "direction": (math.pi / 2, "rad"),
+          "unbalance": (1.0, "1")}  # what has no key on a card: where the search begins, its unit
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One number, or a size and its angle, and how they are made of scaled unknowns.
+
+    keys: one or two. lobes: n of r cos nα and r sin nα. scale: of a number, in its unit.
+    """
+
+    keys: tuple[str, ...]
+    scale: float
+    lobes: int = 1
+
+    def values(self, y: NDArray) -> dict[str, float]:
+        """The numbers by key, from the scaled unknowns."""
+        if len(self.keys) == 1:
+            return {self.keys[0]: self.scale * float(y[0])}
+        angle = math.atan2(y[1], y[0]) / self.lobes % (2 * math.pi / self.lobes)
+        return dict(zip(self.keys, (self.scale * math.hypot(*y), angle), strict=True))
+
+    def scaled(self, values: Mapping[str, float]) -> list[float]:
+        """The unknowns that make these numbers."""
+        size = values[self.keys[0]] / self.scale
+        if len(self.keys) == 1:
+            return [size]
+        turn = self.lobes * values[self.keys[1]]
+        return [size * math.cos(turn), size * math.sin(turn)]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Identified:
+    """The numbers that records say a machine has.
+
+    values, errors: by key in SI, the errors are standard ones. correlation: of the values in their
+    order, (n, n). chi_square: of freedom, the terms less the unknowns. untold: keys that the
+    records do not tell. tied: pairs that they tell only together, with their correlation. worst:
+    the term furthest from the model, in words. machine: with the values. orbits: its steady states
+    in the records.
+    """
+
+    values: Mapping[str, float]
+    errors: Mapping[str, float]
+    units: Mapping[str, str]
+    correlation: NDArray
+    chi_square: float
+    freedom: int
+    untold: tuple[str, ...]
+    tied: tuple[tuple[str, str, float], ...]
+    worst: str
+    machine: Machine
+    orbits: tuple[PeriodicOrbit, ...]
+    records: tuple[ProbeRecord, ...]
+
+    @property
+    def chance(self) -> float:
+        """Chance of so large a χ², or a larger, where the model is right."""
+        return float(gammaincc(self.freedom / 2, self.chi_square / 2))
+
+    @property
+    def rejected(self) -> bool:
+        """Whether no machine of this model made the records, at the level of 1 %."""
+        return self.chance < LEVEL
+
+    def interval(self, key: str) -> tuple[float, float]:
+        """Where the number of a key lies in 95 of 100 cases, in SI."""
+        away = NORMAL_95 * self.errors[key]
+        return self.values[key] - away, self.values[key] + away
+
+    def __str__(self) -> str:
+        lines = [f"{len(self.values)} numbers of {self.machine.name} from {len(self.records)} "
+                 f"record{'s' * (len(self.records) > 1)} (± holds 95 %):"]
+        wide = max(map(len, self.values))
+        for key, value in self.values.items():
+            held = quantity(float(f"{value:.6g}"), self.units[key])
+            lines.append(f"  {key:<{wide}}  {held} ± {NORMAL_95 * self.errors[key]:.2g}")
+        fit = f"χ² is {self.chi_square:.4g} at {self.freedom} degrees of freedom"
+        if self.rejected:
+            lines.append(f"{fit}: rejected at {100 * LEVEL:g} %. No such machine made these "
+                         f"records, so the numbers above mean nothing. Furthest off: {self.worst}.")
+        else:
+            lines.append(f"{fit}, a chance of {100 * self.chance:.2g} %: the model agrees with "
+                         "what the probes saw.")
+        if self.untold:
+            lines.append(f"The records do not tell {', '.join(self.untold)}.")
+        lines += [f"{one} and {other} are told only together (correlation {r:.3f})."
+                  for one, other, r in self.tied]
+        return "\n".join(lines)
+
+    __repr__ = __str__
+
+
+class _Fit:
+    """The terms of χ² as a function of the scaled unknowns."""
+
+    def __init__(self, machine: Machine, records: Sequence[ProbeRecord], start: dict[str, float],
+                 orders: Sequence[int], probe_error: float, balance: HarmonicBalance) -> None:
+        self.machine, self.records, self.balance, self.start = machine, records, balance, start
+        self.orbits: list[PeriodicOrbit | None] = [None] * len(records)
+        self.columns = whole_orders(*orders)
+        self.theirs = [c // 2 for c in self.columns]  # the same in a steady state
+        self.names = [probe.name for probe in records[0].probes]
+        measured = np.array([record.fitted[0][:, self.columns] for record in records])
+        errors = np.array([record.fitted[1][:, self.columns] for record in records])
+        self.means = [i for i, column in enumerate(self.columns) if column == 0]
+        # each mean counts as it differs from that of all records, weighted
+        self.weight = errors**-2 / (errors**-2).sum(axis=0)
+        self.measured = self.centred(measured)
+        self.orders = np.array([(c + 1) // 4 for c in self.columns])
+        same = self.orders[:, None] == self.orders
+        self.errors = np.hypot(errors, probe_error * np.sqrt(self.measured**2 @ same))
+        self.freedom = measured.size - len(self.names) * len(self.means)
+
+    def centred(self, values: NDArray) -> NDArray:
+        """Coefficients (records, probes, columns) with each mean counted from that of all records.
+        """
+        out = values.copy()
+        for i in self.means:
+            out[:, :, i] -= (self.weight * values)[:, :, i].sum(axis=0)
+        return out
+
+    def machine_of(self, values: Mapping[str, float]) -> Machine:
+        """The machine with these numbers of its card."""
+        own = {key: value for key, value in values.items()
+               if key not in ("static_eccentricity", "direction")}
+        return self.machine.with_numbers(own)
+
+    def solve(self, values: Mapping[str, float]) -> NDArray:
+        """(u − û)/σ of all records, (records, probes, columns); the orbits are kept."""
+        model, stator = self.machine_of(values).model(), {**self.start, **values}
+        seen = []
+        for i, record in enumerate(self.records):
+            orbit = self.balance.solve(model.with_field(record.field), record.speed,
+                                       stator["static_eccentricity"],
+                                       direction=stator["direction"], start=self.orbits[i])
+            motion = {place: motion_at(orbit, place) for place in record.places}
+            seen.append([(p.row @ motion[p.place])[self.theirs] for p in record.probes])
+            self.orbits[i] = orbit
+        return (self.centred(np.array(seen)) - self.measured) / self.errors
+
+
+def identify(machine: Machine, records: ProbeRecord | Sequence[ProbeRecord], free: Sequence[str], *,
+             prior: Mapping[str, tuple[float, float]] | None = None,
+             start: Mapping[str, float] | None = None, orders: Sequence[int] = (0, 1, 2),
+             probe_error: float = 0.0, balance: HarmonicBalance | None = None) -> Identified:
+    """Find the numbers of a machine with which its steady states are those in the records.
+
+    records: of the same probes, with and without field, or at several speeds. free: keys, as `vary`
+    takes them, and "static_eccentricity" (fraction of the gap) and "direction" (rad). prior: value
+    and standard error, SI, of what else is known of them, such as
+    `hydrolab.paper.calibration.family_prior(free)`. start: values to begin from, by default the
+    machine's own, and of the stator also those that are kept. orders: of the rotation that count, 0
+    for the mean. probe_error: of the sensitivity of a probe, as a fraction; a model is never better
+    than that. balance: by default with four harmonics.
+
+    Raises BadInput for what cannot be identified, NoConvergence or Contact where the machine to
+    begin from has no steady state.
+    """
+    require_machine(machine)
+    records = [records] if isinstance(records, ProbeRecord) else list(records)
+    same_probes(records)
+    begin, units = _begin(machine, free, start or {})
+    unknowns = _unknowns(machine, free, begin, prior or {})
+    method = balance or HarmonicBalance(4)
+    if not set(orders) <= set(range(min(method.harmonics, 4) + 1)) or not set(orders) - {0}:
+        raise BadInput(f"orders is {shown(orders)}; it must be some of 0 to "
+                       f"{min(method.harmonics, 4)}, and not 0 alone.")
+    fit = _Fit(machine, records, begin, sorted(set(orders)),
+               number("probe_error", probe_error, least=0, below=1), method)
+    sizes = np.cumsum([len(u.keys) for u in unknowns])[:-1]
+
+    def values(y: NDArray) -> dict[str, float]:
+        parts = zip(unknowns, np.split(y, sizes), strict=True)
+        return {key: v for unknown, part in parts for key, v in unknown.values(part).items()}
+
+    def terms(y: NDArray) -> NDArray:
+        now = values(y)
+        from_prior = [_away(now[key], p, units[key]) / error
+                      for key, (p, error) in (prior or {}).items() if key in now]
+        return np.append(fit.solve(now), from_prior)
+
+    y0 = np.concatenate([unknown.scaled(begin) for unknown in unknowns])
+    if (freedom := terms(y0).size - fit.measured.size + fit.freedom - len(y0)) < 1:
+        raise BadInput(f"free has {len(y0)} numbers; the records hold no more terms than that.")
+    found = least_squares(_or_nan(terms, y0.size), y0, lambda y: _derivative(terms, y),
+                          xtol=1e-10, ftol=1e-10, gtol=None, x_scale="jac")
+    left = terms(found.x)
+    return _told(fit, values, found.x, left, _derivative(terms, found.x), freedom, units,
+                 prior or {})
+
+
+def _told(fit: _Fit, values: Any, y: NDArray, left: NDArray, slopes: NDArray, freedom: int,
+          units: Mapping[str, str], prior: Mapping[str, tuple[float, float]]) -> Identified:
+    """The result, from the terms left over at the best unknowns and their derivative."""
+    best = values(y)
+    keys = list(best)
+    _, s, rows = np.linalg.svd(slopes, full_matrices=False)
+    root = rows.T / np.maximum(s, FLAT * s[0])  # (JᵀJ)⁻¹ is this times its transpose
+    turn = [_away(np.array([values(y + step)[key] for step in STEP * np.eye(len(y))]), best[key],
+                  units[key]) / STEP for key in keys]
+    spread = np.array(turn) @ root
+    error = np.linalg.norm(spread, axis=1)
+    correlation = (spread @ spread.T) / np.outer(error, error)
+    errors = dict(zip(keys, error.tolist(), strict=True))
+
+    def vague(key: str) -> bool:
+        own = math.radians(90) if units[key] == "rad" else abs(best[key])
+        return errors[key] > VAGUE * (prior[key][1] if key in prior else own)
+
+    tied = tuple((keys[i], keys[j], float(correlation[i, j]))
+                 for i in range(len(keys)) for j in range(i) if abs(correlation[i, j]) > TIED)
+    grid = left[:fit.measured.size].reshape(fit.measured.shape)
+    record, probe, column = np.unravel_index(np.abs(grid).argmax(), grid.shape)
+    order = fit.orders[column]
+    worst = (f"{f'{order}X' if order else 'the mean'} of {fit.names[probe]} in "
+             f"{fit.records[record].name}, {abs(grid[record, probe, column]):.3g} standard errors")
+    orbits = tuple(orbit for orbit in fit.orbits if orbit is not None)
+    return Identified(best, errors, {k: units[k] for k in keys}, correlation, float(left @ left),
+                      freedom, tuple(filter(vague, keys)), tied, worst, fit.machine_of(best),
+                      orbits, tuple(fit.records))
+
+
+def _away(value: Any, other: float, unit: str) -> Any:
+    """A difference of two values, the short way round where they are angles."""
+    away = value - other
+    return (away + math.pi) % (2 * math.pi) - math.pi if unit == "rad" else away
+
+
+def _or_nan(terms: Any, size: int) -> Any:
+    """The terms, not a number where there is no steady state: the search then takes a shorter step.
+    """
+    def tried(y: NDArray) -> NDArray:
+        nonlocal size
+        try:
+            found = terms(y)
+        except (BadInput, NoConvergence, Contact):
+            return np.full(size, math.nan)
+        size = found.size
+        return found
+
+    return tried
+
+
+def _derivative(terms: Any, y: NDArray) -> NDArray:
+    """∂ terms/∂y by central differences, (terms, unknowns)."""
+    return np.stack([(terms(y + step) - terms(y - step)) / (2 * STEP)
+                     for step in STEP * np.eye(len(y))], axis=1)
+
+
+def same_probes(records: Sequence[ProbeRecord]) -> None:
+    """Raise BadInput for what are no records of the same probes."""
+    if not records:
+        raise BadInput("records is empty; give what read_record returns.")
+    for record in records:
+        require("records", record, ProbeRecord)
+        own, first = ([p.name for p in r.probes] for r in (record, records[0]))
+        if own != first:
+            raise BadInput(f"{record.name} has the probes {', '.join(own)}, and {records[0].name} "
+                           f"has {', '.join(first)}; records of one machine have the same.")
+
+
+def _begin(machine: Machine, free: Sequence[str],
+           start: Mapping[str, float]) -> tuple[dict[str, float], dict[str, str]]:
+    """Where the search begins and the units, by the keys that are free and those of the stator."""
+    if isinstance(free, str) or not free or len(set(free)) < len(free):
+        raise BadInput(f"free is {shown(free)}; it must be a list of different keys, such as "
+                       '["bodies.generator.unbalance", "bodies.generator.phase"].')
+    given = dict(STATOR) | {key: machine.number(key) for key in free if key not in STATOR}
+    if unknown := set(start) - set(given):
+        raise BadInput(f"start names {shown(min(unknown))}, which is not among the free numbers.")
+    still = {} if "static_eccentricity" in free else {"static_eccentricity": 0.0}
+    values = {key: value for key, (value, _) in given.items()} | still
+    values |= {key: number(f"start[{key!r}]", value) for key, value in start.items()}
+    return values, {key: unit for key, (_, unit) in given.items()}
+
+
+def _unknowns(machine: Machine, free: Sequence[str], begin: Mapping[str, float],
+              prior: Mapping[str, tuple[float, float]]) -> list[Unknown]:
+    """The unknowns of the free numbers, a size and its angle as one."""
+    lobes = {f"{shape.key}.size": shape.order for shape in getattr(machine, "shapes", ())}
+    partners = {}
+    for key in free:
+        part, _, name = key.rpartition(".")
+        angle = f"{part}.{PARTNERS.get(name)}" if part else str(PARTNERS.get(name))
+        if angle in free:
+            partners[key] = angle
+    found = []
+    for key in free:
+        if key in partners.values():
+            continue
+        scale = prior[key][1] if key in prior else abs(begin[key]) or 1.0
+        keys = (key, partners[key]) if key in partners else (key,)
+        found.append(Unknown(keys, scale, lobes.get(key, 1)))
+    return found
