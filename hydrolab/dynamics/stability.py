@@ -46,6 +46,7 @@ from hydrolab.dynamics.winding import (
     disturbance,
     newton_step,
     pull_alone,
+    real,
     roots,
     twins,
 )
@@ -285,11 +286,13 @@ def _counted(eq: Condensed, local: NDArray, centres: NDArray, modes: int,
     out: list[Floquet] = []
     doubt, start = np.arange(len(local)), _start(eq, local, centres, modes, steps)
     for order, factor in LOOKS:
-        found = _look(eq, local[doubt], centres[doubt], [a[doubt] for a in start], order, factor)
+        found, there = _look(eq, local[doubt], centres[doubt], [a[doubt] for a in start], order,
+                             factor)
         out = out or found
         for i, f in zip(doubt, found, strict=True):
             out[i] = f
-        doubt = doubt[[f.verdict == "unknown" for f in found]]
+        # an orbit that more harmonics do not have is not sought again
+        doubt = doubt[there & [f.verdict == "unknown" for f in found]]
         if not len(doubt):
             break
     return out
@@ -334,9 +337,10 @@ def _believed(d: Disturbance, found: NDArray, known: NDArray) -> list[NDArray]:
 
 
 def _look(eq: Condensed, local: NDArray, centres: NDArray, start: Sequence[NDArray], order: int,
-          factor: int) -> list[Floquet]:
+          factor: int) -> tuple[list[Floquet], NDArray]:
     """Count with `order` harmonics on orbits of `factor` times their own, and with twice both; the
-    leading multipliers are those of the second, their error the change from the first.
+    leading multipliers are those of the second, their error the change from the first. Also whether
+    both orbits are there.
     """
     (rough, path, found), (fine, better, more) = (
         _with_harmonics(eq, local, centres, f) for f in (factor, 2 * factor))
@@ -346,18 +350,22 @@ def _look(eq: Condensed, local: NDArray, centres: NDArray, start: Sequence[NDArr
     groups = _believed(sharp, *start)
     believed = np.hstack(groups)
     (few, sure, growth), (many, also, _) = count(coarse, believed), count(sharp, believed)
-    period, exponents = 2 * np.pi / sharp.step, roots(sharp, _leading(groups, sharp.step))
+    period, begin = 2 * np.pi / sharp.step, _leading(groups, sharp.step)
+    near = roots(coarse, begin)[:, :begin.shape[1]]  # most of the way, on small matrices
+    same = np.isfinite(near) & (real(near, sharp.step) == real(begin, sharp.step))
+    exponents = roots(sharp, np.where(same, near, begin))
     values, moves = np.exp(period * exponents), np.full(exponents.shape, np.nan)
     first = twins(exponents, sharp.step)
     alone = np.where(first == np.arange(first.shape[1]), exponents, np.nan)
-    there = np.isfinite(alone)
-    step = newton_step(coarse, alone, there)[0]
+    known = np.isfinite(alone)
+    step = newton_step(coarse, alone, known)[0]
     with np.errstate(over="ignore", invalid="ignore"):  # a step as wild as that says nothing
-        moves[there] = np.abs(values[there] * np.expm1(period * step))
+        moves[known] = np.abs(values[known] * np.expm1(period * step))
     moves = np.take_along_axis(moves, first, axis=1)
-    certain = sure & also & found & more & (few == many)
+    there = found & more
+    certain = sure & also & there & (few == many)
     return [_judged(v, e, int(n), bool(c), growth)
-            for v, e, n, c in zip(values, moves, many, certain, strict=True)]
+            for v, e, n, c in zip(values, moves, many, certain, strict=True)], there
 
 
 def _judged(values: NDArray, moves: NDArray, outside: int, certain: bool,
@@ -429,7 +437,7 @@ def _with_harmonics(eq: Condensed, local: NDArray, centres: NDArray,
     start = start.reshape(len(start), -1)
     if eq.model.law.closed_form:
         y, outcome = newton_batch(stack([richer]).take(np.zeros(len(start), dtype=int)), start,
-                                  centres)
+                                  centres, max_steps=8)
         found = outcome == Outcome.CONVERGED
     else:
         # the same orbit is a few steps away; what is not there is not worth many

@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 import scipy.linalg
@@ -42,6 +42,8 @@ MOVED = 0.05  # of its distance from the axis: a pole that the forces move less 
 FAR = 1e12  # in half periods: where every force has ended
 TWIN = 1e-7  # relative: multipliers nearer to each other are one, twice
 STEPS = 12  # of Newton's method
+AWAY, TERMS = 8, 18  # of |s|: poles farther than this are taken by so many terms of a series
+AROUND = 0.75  # mean harmonic below which a motion lies around 0
 CHUNK = 256  # determinants at once
 EPS = float(np.finfo(float).eps)
 ON_AXIS = 1e-6  # revolutions⁻¹: the line to the right of poles that lie on the axis
@@ -102,9 +104,16 @@ class Compliance:
             if order:
                 answer = -_back(U, s.ravel(), np.tensordot(U, answer, axes=1))
             return np.einsum("cm,msd->scd", left, answer).reshape(*s.shape, c, c)
-        share = 1 / (s.reshape(-1, 1) - self.poles)
-        share = -share * share if order else share
-        return (share @ self.residues.reshape(len(self.poles), -1)).reshape(*s.shape, c, c)
+        far = np.abs(self.poles) > AWAY * np.abs(s).max(initial=0.0)
+        poles, residues = self.poles, self.residues.reshape(len(self.poles), -1)
+        share, flat = 1 / (s.reshape(-1, 1) - poles[~far]), s.reshape(-1, 1)
+        out = (-share * share if order else share) @ residues[~far]
+        if far.any():  # all of them together, by the series of 1/(s − p) in s/p
+            k = np.arange(order, TERMS)
+            inverse = np.broadcast_to(1 / poles[far], (TERMS, far.sum()))
+            terms = np.cumprod(inverse, axis=0)[order:] @ residues[far]
+            out -= (k * flat ** (k - 1) if order else flat ** k) @ terms
+        return out.reshape(*s.shape, c, c)
 
 
 def _back(U: NDArray, s: NDArray, right: NDArray) -> NDArray:
@@ -232,6 +241,7 @@ class Disturbance:
             out[i:i + CHUNK] = size + 1j * np.angle(sign)
         return out
 
+    @cached_property
     def swayed(self) -> NDArray:
         """How far the forces beside their mean may move each pole, to second order, rad/s, (m,)."""
         middle, (K, c) = self.order, self.slopes.shape[1:3]
@@ -241,6 +251,8 @@ class Disturbance:
             for hat in (self.slopes, self.dampings)]
         force = swing[0] + np.abs(at) * swing[1]
         force[:, middle] = 0
+        live = (force > 1e-6 * force.max(axis=1, keepdims=True)).any(axis=0)
+        at, force = at[:, live], force[:, live]
         answer = np.linalg.norm(self.linear(at + 1e-9j * self.step), axis=(2, 3))
         return np.linalg.norm(self.linear.residues, axis=(1, 2)) * (answer * force**2).sum(axis=1)
 
@@ -249,7 +261,7 @@ class Disturbance:
         does, (m,) each.
         """
         away = MOVED * np.maximum(np.abs(self.linear.poles.real - line), 1e-9 * self.step)
-        swayed = self.swayed() > away
+        swayed = self.swayed > away
         return (self.reach() > away) | swayed, swayed
 
     def alone(self, which: NDArray, s: NDArray) -> NDArray:
@@ -269,9 +281,9 @@ class Disturbance:
         for i in range(0, len(s), CHUNK):
             part = slice(i, i + CHUNK)
             matrices = self.matrices(which[part], s[part] - 1j * self.order * self.step)
-            (sign, size), (less, smaller) = (np.linalg.slogdet(a) for a in
-                                             (matrices, matrices[:, :-c, :-c]))
-            out[part] = size - smaller + 1j * np.angle(sign / less)
+            last = np.linalg.solve(matrices, np.eye(matrices.shape[1], c, -matrices.shape[1] + c))
+            sign, size = np.linalg.slogdet(last[:, -c:])
+            out[part] = -size - 1j * np.angle(sign)
         return out
 
 
@@ -476,6 +488,9 @@ def newton_step(d: Disturbance, exponents: NDArray, going: NDArray,
             pull = period / np.expm1(np.minimum(away.real, 50) + 1j * away.imag)
         return np.where(near, pull, 0)
 
+    # those whose copies are all far away, or long gone, have no part in it
+    poles = poles[(np.abs(poles.imag) < np.abs(s.imag).max() + (d.order + 1) * d.step)
+                  & (period * (s.real.min() - poles.real) < 50)]
     # a mode that the forces do not touch has its zero on its pole, where f has no value
     on_pole = (np.abs(drawn(poles)) > 1e9 / d.step).any(axis=1)
     aside = np.where(on_pole, 1e-7 * d.step, 0)
@@ -538,7 +553,8 @@ def _settled(d: Disturbance, starts: NDArray, going: NDArray) -> NDArray:
             break
         step, mean = newton_step(d, found, going, times[going])
         step *= np.minimum(1, 0.3 * d.step / np.abs(step))
-        shift = np.rint(mean)
+        # a multiplier below 0 has two copies with harmonics around 0: it stays on its own
+        shift = np.where(np.abs(mean) < AROUND, 0, np.rint(mean))
         found[going] += step + 1j * d.step * shift
         going[going] = (np.abs(step) > 1e-5 * d.step) | (shift != 0)
     found[going] = np.nan
