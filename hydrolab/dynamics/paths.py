@@ -131,6 +131,10 @@ class Path:
                 mean = [0, eq.linear.shape[1]]
                 forces = eq.stiffness[:, mean] - jacobian[:, mean]
                 return residual, jacobian, forces @ self._onward(problem) / eq.length
+            if self.parameter == "field" and eq.model.law.closed_form:
+                # the pull, all that is left of the linear forces, goes with its square
+                pull = eq.stiffness @ (y - eq.linear.ravel()) - residual
+                return residual, jacobian, -2 * self.scale / (value or 1.0) * pull
             known[value] = problem
             if len(known) > REMEMBERED:
                 del known[next(iter(known))]
