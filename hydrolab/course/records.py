@@ -31,6 +31,9 @@ ECCENTRICITY, UNBALANCE, OVALITY, SOFT = FAULTS = ("static eccentricity", "unbal
 SIZES: Mapping[str, tuple[float, float]] = {
     ECCENTRICITY: (0.055, 0.083), UNBALANCE: (1.8, 3.0), OVALITY: (0.05, 0.11), SOFT: (0.5, 0.75)}
 PLACES = ("generator", "guide bearing", "turbine bearing")
+# which number of a `Condition` it changes
+FIELDS = {ECCENTRICITY: "static_eccentricity", UNBALANCE: "unbalance", OVALITY: "ovality",
+          SOFT: "bearing"}
 REVOLUTIONS, SAMPLES = 32, 128  # of a record, and in a revolution
 NOISE = 3e-6  # m rms, of each probe
 HARMONICS = 6
@@ -156,9 +159,7 @@ def condition_of(number: int) -> tuple[str, Condition]:
     low, high = SIZES[fault]
     size = low + u[0] * (high - low)
     condition = Condition(0.005 + 0.01 * u[1], 2 * math.pi * u[2], 0.9 + 0.2 * u[3])
-    key = {ECCENTRICITY: "static_eccentricity", UNBALANCE: "unbalance", OVALITY: "ovality",
-           SOFT: "bearing"}[fault]
-    return fault, replace(condition, **{key: size},
+    return fault, replace(condition, **{FIELDS[fault]: size},
                           axis=math.pi * u[4] if fault == OVALITY else 0.0)
 
 
@@ -216,10 +217,7 @@ SAID: Mapping[str, str] = {
 def size_said(number: int) -> str:
     """The fault of a numbered machine with its size, in words."""
     fault, condition = condition_of(number)
-    size = {ECCENTRICITY: condition.static_eccentricity, UNBALANCE: condition.unbalance,
-            OVALITY: condition.ovality,
-            SOFT: condition.bearing}[fault]
-    return SAID[fault].format(size).replace("%", " %")
+    return SAID[fault].format(getattr(condition, FIELDS[fault])).replace("%", " %")
 
 
 def grade(number: int, fault: str) -> str:

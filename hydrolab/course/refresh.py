@@ -42,8 +42,7 @@ def read(path: Path) -> Notebook:
 
     Raises BadInput if there is none at this path.
     """
-    from nbformat import from_dict
-    from nbformat.v4.rwbase import rejoin_lines
+    from nbformat.v4 import to_notebook
 
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
@@ -54,16 +53,15 @@ def read(path: Path) -> Notebook:
     if not (isinstance(found, dict) and found.get("nbformat") == 4
             and isinstance(found.get("cells"), list)):
         raise BadInput(f"{path} is not a notebook of format 4; open and save it in JupyterLab.")
-    return rejoin_lines(from_dict(found))
+    return to_notebook(found)
 
 
 def text(notebook: Notebook) -> str:
     """The notebook as it stands in its file: keys in order, one space of indent, texts in lines."""
     from nbformat import from_dict
-    from nbformat.v4.rwbase import split_lines
+    from nbformat.v4 import writes
 
-    split = split_lines(from_dict(copy.deepcopy(notebook)))
-    return json.dumps(split, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
+    return writes(from_dict(notebook)) + "\n"
 
 
 def clean(notebook: Notebook) -> Notebook:

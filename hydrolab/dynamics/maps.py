@@ -24,7 +24,6 @@ from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.batch import Outcome, newton_batch, stack
 from hydrolab.dynamics.following import Arclength, follow
-from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import amplitudes, long_axis
 from hydrolab.dynamics.results import clearances
 from hydrolab.errors import BadInput, Contact, NoConvergence
@@ -66,12 +65,11 @@ def processes(count: int) -> Executor:
     return ProcessPoolExecutor(count, mp_context=get_context("spawn"))
 
 
-def steady_row(machine: Machine, eccentricities: NDArray, harmonics: int = 4) -> Row:
+def steady_row(machine: Machine, eccentricities: NDArray) -> Row:
     """Readings of the first leg's steady states of one machine at many static eccentricities
     (fractions of the gap), and their `Outcome`.
 
-    The branch is followed to its first fold with so many harmonics; the points in between are
-    solved together as one batch.
+    The branch is followed to its first fold; the points in between are solved as one batch.
     """
     row = {name: np.full(len(eccentricities), np.nan) for name in READINGS}
     row["outcome"] = np.full(len(eccentricities), Outcome.NO_START, dtype=np.int8)
@@ -79,7 +77,7 @@ def steady_row(machine: Machine, eccentricities: NDArray, harmonics: int = 4) ->
         model = machine.model()
         try:
             branch = follow(model, speed=machine.speed, to=0.9,
-                            method=Arclength(HarmonicBalance(harmonics), max_folds=1, tail=0))
+                            method=Arclength(max_folds=1, tail=0))
         except (NoConvergence, Contact):
             return row
         # the leg, with its fold, as curves to start from

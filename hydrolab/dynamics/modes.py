@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -24,6 +24,7 @@ from threadpoolctl import threadpool_limits
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.winding import mass_scaled, mean_slopes, with_slopes
 from hydrolab.errors import BadInput
+from hydrolab.machine.model import Model
 from hydrolab.machine.quantities import require_model, whole
 
 # |Im λ| below this fraction of the largest |λ| is zero to rounding: a double zero splits by √eps
@@ -36,38 +37,6 @@ MEETINGS = 40  # steps in which a critical speed of bearings that change with it
 SHOWN = 6  # critical speeds of one direction that are printed
 # of the rated speed: overspeed after load rejection, and runaway of a Kaplan turbine, the highest
 OVERSPEED, RUNAWAY = 1.4, 2.5
-
-
-class LinearModel(Protocol):
-    """What this module sees of a model: M (positive definite), K and C + Ω G, each (n, n).
-
-    shaft_map: from the DOFs to the (x, z, θx, θz), or (x, z), of the nodes at `depths`; (nodes · 4
-    or 2, n).
-    """
-
-    @property
-    def M(self) -> NDArray:
-        """Mass matrix."""
-
-    @property
-    def K(self) -> NDArray:
-        """Stiffness matrix."""
-
-    @property
-    def depths(self) -> NDArray:
-        """y of each node, m."""
-
-    @property
-    def shaft_map(self) -> NDArray:
-        """From the DOFs to those of the nodes."""
-
-    def velocity_matrix(self, speed: float) -> NDArray:
-        """C + Ω G."""
-
-
-def at_speed(model: Any, speed: float) -> Any:
-    """A model with its bearings as they are at a speed, rad/s, where they change with it."""
-    return model.at(abs(speed)) if hasattr(model, "at") else model
 
 
 def senses(whirl: NDArray) -> tuple[str, ...]:
@@ -132,7 +101,7 @@ class Modes(Spectrum):
         return "\n".join([f"{len(self)} modes at {self.speed * 30 / np.pi:g} rpm", *rows])
 
 
-def modes(model: LinearModel, speed: float = 0.0) -> Modes:
+def modes(model: Model, speed: float = 0.0) -> Modes:
     """All modes of the model at a speed (rad/s), by a first-order form in mass-scaled coordinates.
 
     Raises BadInput if the speed is not finite or M is not positive definite.
@@ -140,7 +109,7 @@ def modes(model: LinearModel, speed: float = 0.0) -> Modes:
     require_model(model)
     if not math.isfinite(speed):
         raise BadInput(f"speed is {speed}; it must be a finite number of rad/s.")
-    model = at_speed(model, speed)
+    model = model.at(abs(speed))
     R, K, D = mass_scaled(model.M, model.K, model.velocity_matrix(speed))
     n = len(K)
     fastest = math.sqrt(np.linalg.norm(K, 2)) or 1.0  # puts positions and velocities on one scale
@@ -160,7 +129,7 @@ def modes(model: LinearModel, speed: float = 0.0) -> Modes:
     return Modes(speed, eigenvalues, shapes, whirl, np.sort(values[~oscillating].real))
 
 
-def _whirl(model: LinearModel, shapes: NDArray) -> NDArray:
+def _whirl(model: Model, shapes: NDArray) -> NDArray:
     count, moved = len(model.depths), model.shaft_map @ shapes
     per_node = min(4, len(moved) // count)  # brackets come after the nodes
     return whirl_of(*(moved[dof:count * per_node:per_node] for dof in range(per_node)))
@@ -186,7 +155,7 @@ def _double(eigenvalues: NDArray) -> NDArray:
     return np.abs(eigenvalues[:, None] - eigenvalues) <= EQUAL * np.abs(eigenvalues)[:, None]
 
 
-def undamped_frequencies(model: LinearModel) -> NDArray:
+def undamped_frequencies(model: Model) -> NDArray:
     """Frequencies at rest without damping, ω of K φ = ω² M φ, rad/s, ascending, (n,); 0 for rigid
     motions.
 
@@ -277,7 +246,7 @@ class CriticalSpeeds:
 
 
 @threadpool_limits.wrap(limits=1)
-def critical_speeds(model: LinearModel, *, pull: bool | PeriodicOrbit = False, order: float = 1.0,
+def critical_speeds(model: Model, *, pull: bool | PeriodicOrbit = False, order: float = 1.0,
                     rated: float | None = None, overspeed: float | None = None,
                     runaway: float | None = None) -> CriticalSpeeds:
     """Critical speeds, directly: (K + inΩ C + Ω² (inG − n² M)) φ = 0 for complex Ω, n the order.
@@ -297,9 +266,9 @@ def critical_speeds(model: LinearModel, *, pull: bool | PeriodicOrbit = False, o
     there, forces = _under(model, pull)
     n = float(order)
     speeds, ratios, shapes = _free(there, n)
-    low, high = getattr(model, "known_speeds", (0.0, math.inf))
+    low, high = model.known_speeds
     if math.isfinite(high):
-        speeds, ratios, shapes = _met(lambda w: _free(_under(at_speed(model, w), pull)[0], n),
+        speeds, ratios, shapes = _met(lambda w: _free(_under(model.at(w), pull)[0], n),
                                       there.M, low, high)
         forces += (f", between {low * 30 / np.pi:.4g} and {high * 30 / np.pi:.4g} rpm, where the "
                    "tables of its bearings go")
@@ -396,7 +365,7 @@ class Campbell(Spectrum):
 
 
 @threadpool_limits.wrap(limits=1)  # small matrices: two threads are many times slower
-def campbell(model: LinearModel, speeds: Sequence[float] | ArrayLike, branches: int = 8,
+def campbell(model: Model, speeds: Sequence[float] | ArrayLike, branches: int = 8,
              order: float = 1.0, *, pull: bool | PeriodicOrbit = False) -> Campbell:
     """Follow the lowest `branches` modes over ascending speeds (rad/s) and find the critical
     speeds.
@@ -459,7 +428,7 @@ class _Followed(NamedTuple):
     whirl: NDArray
 
 
-def _follow(model: LinearModel, known: _Followed, speed: float, halvings: int = 6) -> _Followed:
+def _follow(model: Model, known: _Followed, speed: float, halvings: int = 6) -> _Followed:
     """The same branches at another speed."""
     every = modes(model, speed)
     keep = every.damping_ratios < LOST

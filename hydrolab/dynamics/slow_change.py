@@ -11,7 +11,7 @@ pass, and how many of the last are kept. modes: of the basis.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -170,14 +170,22 @@ def _say(parameter: str, value: float) -> str:
     return f"{100 * value:.4g} %" if parameter == "static_eccentricity" else f"{value:.5g}"
 
 
-def _sections(system: Split, start: PeriodicOrbit, course: Course, members: int,
-              steps: int) -> Iterator[tuple[NDArray, NDArray]]:
-    """The generator's (x, z) after each revolution, m, (2, members), and contacts as `motions` has
-    them, of members that begin on an orbit.
+def _watched(system: Split, start: PeriodicOrbit, course: Course, members: int, steps: int,
+             spans: tuple[int, int], progress: Progress | None) -> tuple[NDArray, NDArray]:
+    """The generator's (x, z) after each revolution, m, (made, 2, members), and contacts as
+    `motions` has them, of members that begin on an orbit; spans: revolutions in one, how many.
     """
     begin = np.repeat(system.state(start)[:, None], members, axis=1)
-    for states, contact in motions(system, begin, course, steps):
-        yield system.watch[:2] @ states, contact
+    places, contact, (each, count) = [], np.full(members, np.nan), spans
+    with suppress(KeyboardInterrupt):
+        for states, now in motions(system, begin, course, steps):
+            places.append(system.watch[:2] @ states)
+            contact = now
+            if progress and len(places) % each == 0:
+                progress(len(places) // each, count)
+            if len(places) == each * count:
+                break
+    return np.array(places).reshape(-1, 2, members), contact
 
 
 def drift(start: PeriodicOrbit, parameter: str = "static_eccentricity", *, to: ArrayLike,
@@ -201,18 +209,11 @@ def drift(start: PeriodicOrbit, parameter: str = "static_eccentricity", *, to: A
         raise BadInput(f"to is {to!r}, where the motion begins; give another value of {parameter}.")
     before = 2 * math.pi * np.arange(-KEPT + 1, 1)
     system = split_for(start, steps, modes)
-    section, touched, done = list(start.positions(before).T), False, 0
     course = _moving(setting, lambda time: np.interp([time], times, corners))
-    with suppress(KeyboardInterrupt):
-        for place, contact in _sections(system, start, course, 1, steps):
-            if touched := bool(np.isfinite(contact[0])):
-                break
-            section.append(place[:, 0])
-            done += 1
-            if progress:
-                progress(done, total)
-            if done == total:
-                break
+    places, contact = _watched(system, start, course, 1, steps, (1, total), progress)
+    touched = bool(np.isfinite(contact[0]))
+    done = len(places) - touched
+    section = [*start.positions(before).T, *places[:done, :, 0]]
     why = ("The rotor touches the stator" if touched else
            "It went all the way" if done == total else "It was interrupted")
     there = _say(parameter, float(np.interp(done + touched, times, corners)))
@@ -262,22 +263,16 @@ def sweep_in_time(start: PeriodicOrbit, values: Iterable[float],
         late = at[i] if within < 0.5 else at[i + 1]
         return np.array([at[i + 1], (half + at[i + 1]) / 2, late])
 
-    system, kept, contact = split_for(start, steps, modes), [], np.full(3, np.nan)
-    with suppress(KeyboardInterrupt):
-        for place, touched in _sections(system, start, _moving(setting, value), 3, steps):
-            kept.append(place)
-            contact = touched
-            if len(kept) % revolutions == 0 and progress:
-                progress(len(kept) // revolutions, len(wanted))
-            if len(kept) == revolutions * len(wanted):
-                break
+    system = split_for(start, steps, modes)
+    kept, contact = _watched(system, start, _moving(setting, value), 3, steps,
+                             (revolutions, len(wanted)), progress)
     ended = np.isfinite(contact).all() or len(kept) == revolutions * len(wanted)
     passed = np.where(np.isfinite(contact), contact, len(kept)).astype(int) // revolutions
     n, stopped = int(passed[0]), "It passed all the values asked for."
     if n < len(wanted):
         why = "It was interrupted" if np.isnan(contact[0]) else "The rotor touches the stator"
         stopped = f"{why} at {_say(parameter, wanted[n])}."
-    section = np.array(kept[:n * revolutions]).reshape(n, revolutions, 2, 3)[:, -keep:]
+    section = kept[:n * revolutions].reshape(n, revolutions, 2, 3)[:, -keep:]
     doubt = ""
     if ended:
         where = ["" if i == len(wanted) else _say(parameter, wanted[i]) for i in passed]

@@ -115,8 +115,7 @@ def monodromy(system: Split, coefficients: NDArray, centre: NDArray, steps: int,
     """
     # what grows beyond all numbers has no multipliers to speak of
     with np.errstate(over="ignore", invalid="ignore"):
-        alone = len(system.push.T) == 2 and not system.model.law.moving
-        product = strang_product if alone else magnus_product
+        product = strang_product if pull_alone(system.model) else magnus_product
         coarse, middle, fine = (product(system, coefficients, centre, n, revolutions)
                                 for n in (steps, 2 * steps, 4 * steps))
         rough, good = (4 * middle - coarse) / 3, (4 * fine - middle) / 3

@@ -138,7 +138,7 @@ class EccentricityView(View):
         if orbit is None:
             self._fade(f"leg {leg}: none at {percent(eccentricity / 100)}")
             return self._nothing(eccentricity / 100, leg)
-        verdict = self.legs.verdict(orbit, leg - 1)
+        verdict = self.legs.verdict(orbit.static_eccentricity, leg - 1)
         self._show(orbit, verdict)
         return f"Leg {leg}, {verdict}. {orbit_reading(orbit)}"
 

@@ -9,7 +9,6 @@ book shows it with a slider.
 from __future__ import annotations
 
 import base64
-import io
 import json
 import struct
 import zlib
@@ -22,6 +21,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from PIL import Image
 
+from hydrolab.figures.picture import as_webp, few_colours
 from hydrolab.figures.style import COLOURS, CSS_DOTS_PER_INCH, house_style
 
 COMPRESSION = 1  # of the PNG: the quickest; larger files do not leave this computer
@@ -189,8 +189,8 @@ def flipbook(label: str, frames: Sequence[Frame], start: int) -> str:
 
 
 def _few_colours(pixels: NDArray) -> Image.Image:
-    return Image.fromarray(np.ascontiguousarray(pixels), "RGB").quantize(
-        PALETTE, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).convert("RGB")
+    image = Image.fromarray(np.ascontiguousarray(pixels), "RGB")
+    return few_colours(image, PALETTE).convert("RGB")
 
 
 def _difference(pixels: NDArray, first: NDArray) -> Image.Image:
@@ -205,6 +205,4 @@ def _difference(pixels: NDArray, first: NDArray) -> Image.Image:
 
 
 def _uri(image: Image.Image) -> str:
-    stream = io.BytesIO()
-    image.save(stream, "webp", lossless=True, quality=80, method=4)
-    return "data:image/webp;base64," + base64.b64encode(stream.getvalue()).decode("ascii")
+    return "data:image/webp;base64," + base64.b64encode(as_webp(image)).decode("ascii")

@@ -102,11 +102,8 @@ class Legs:
         return orbits_at(self.branch, eccentricity)[:sum(leg.holds(eccentricity)
                                                          for leg in self.all)]
 
-    def verdict(self, orbit: PeriodicOrbit, leg: int) -> str:
-        """The verdict on the nearest point of a leg to an orbit of it."""
-        return self._verdict_at(orbit.static_eccentricity, leg)
-
-    def _verdict_at(self, eccentricity: float, leg: int) -> str:
+    def verdict(self, eccentricity: float, leg: int) -> str:
+        """The verdict on the point of a leg (0 is the first) nearest to an eccentricity."""
         rows = range(*self.all[leg].rows.indices(len(self.branch)))
         away = np.abs(self.branch.static_eccentricity[rows.start:rows.stop] - eccentricity)
         return self.words[rows.start + int(np.argmin(away))] if len(away) else "unknown"
@@ -114,7 +111,7 @@ class Legs:
     def stable_at(self, eccentricity: float) -> tuple[int, ...]:
         """The legs (0 is the first) that a machine can be on at an eccentricity."""
         return tuple(i for i, leg in enumerate(self.all)
-                     if leg.holds(eccentricity) and self._verdict_at(eccentricity, i) == "stable")
+                     if leg.holds(eccentricity) and self.verdict(eccentricity, i) == "stable")
 
     def first(self, eccentricity: NDArray, local: NDArray) -> NDArray:
         """1X along the eccentricity, µm 0-to-peak, of local coefficients: a `Number`."""
@@ -156,8 +153,7 @@ def legs_of(machine: Machine) -> Legs:
     Raises BadInput for a machine without an air gap or at rest, NoConvergence where there is no
     first steady state.
     """
-    if machine.air_gap is None:
-        raise BadInput(f"{machine.name} has no air_gap; an explorer of its eccentricity needs one.")
+    machine_with(machine, "", "air_gap")
     if not machine.speed > 0:
         raise BadInput("speed is 0 rad/s; an explorer of steady states needs a turning rotor.")
     with threadpool_limits(1):

@@ -76,7 +76,7 @@ class PastFoldView(View):
             there = [(number, orbit) for number in range(len(self.legs.all))
                      if (orbit := self.legs.orbit(eccentricity / 100, number)) is not None]
         self._show(eccentricity, there)
-        states = [f"leg {number + 1} {self.legs.verdict(orbit, number)}, smallest gap "
+        states = [f"leg {number + 1} {self.legs.verdict(eccentricity / 100, number)}, smallest gap "
                   f"{MM * orbit.smallest_gap:.2f} mm" for number, orbit in there]
         found = f"{len(there)} steady state{'s' * (len(there) != 1)}{self.legs.where}"
         found += f": {'; '.join(states)}" if states else ""
@@ -104,7 +104,7 @@ class PastFoldView(View):
             if self.leg is None:
                 self._go_on(self.off, now)
             elif (orbit := self.legs.orbit(now, self.leg)) is None or (
-                    self.legs.verdict(orbit, self.leg) == "unstable"):
+                    self.legs.verdict(orbit.static_eccentricity, self.leg) == "unstable"):
                 self._jump(self.legs.orbit(self.at, self.leg), now)
             self.at = now
         self.at = value
@@ -148,7 +148,7 @@ class PastFoldView(View):
         for line in self.orbits:
             line.set_data([], [])
         for line, (number, orbit) in zip(self.orbits, there, strict=False):
-            word = self.legs.verdict(orbit, number)
+            word = self.legs.verdict(orbit.static_eccentricity, number)
             line.set_data(*(MM * orbit.positions(REVOLUTION)))
             line.set(color=COLOURS[word], linestyle=LINES[word],
                      linewidth=5 if number == self.leg else 2)

@@ -64,16 +64,16 @@ def close_up(axes: Axes, title: str, path: NDArray, label: str, reach: float) ->
     axes.plot(*path, color=PALE, linewidth=7, label=label)
 
 
-def contact_line(model: Model, count: int = 181) -> NDArray:
+def contact_line(model: Model) -> NDArray:
     """Where the centre of a rotor that does not lean would touch, about the stator's centre, m, (2,
-    count): a circle of radius g0 where stator and rotor are round, else found by halving.
+    181): a circle of radius g0 where stator and rotor are round, else found by halving.
 
     Of a rotor that is out of round it is where it touches somewhere in a revolution.
     """
-    angle = np.linspace(0.0, 2 * np.pi, count)
+    angle = np.linspace(0.0, 2 * np.pi, 181)
     turn = np.array([np.sin(angle), np.cos(angle)])
     phase = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)[:, None] if model.law.moving else 0.0
-    low, high = np.zeros(count), np.full(count, 2 * model.gap)
+    low, high = 0 * angle, np.full_like(angle, 2 * model.gap)
     for _ in range(30):
         middle = (low + high) / 2
         clear = np.min(model.law.smallest_gap((middle * turn)[:, None], phase), axis=0) > 0
@@ -152,6 +152,14 @@ def frame_gap(axes: Axes, centre: NDArray, gap: float) -> None:
         axes.legend(loc="center", bbox_to_anchor=tuple(MM * (centre - [0, 0.5 * gap])),
                     bbox_transform=axes.transData, handlelength=1.5)
     frame(axes, centre[:, None] + gap * np.array([[-1.0, 1.0], [-1.0, 1.0]]), 0.04)
+
+
+def draw_place(axes: Axes, orbit: PeriodicOrbit, colour: Any) -> None:
+    """Where an orbit lies in its whole gap."""
+    plane(axes, "Where it lies in the gap")
+    draw_gap(axes, orbit.centre, orbit.model)
+    draw_orbit(axes, orbit.positions(orbit.revolutions * REVOLUTION), colour, sense=False)
+    frame_gap(axes, orbit.centre, orbit.model.gap)
 
 
 def round_up(value: float) -> float:

@@ -22,12 +22,11 @@ from hydrolab.figures.drawing import (
     RPM,
     UM,
     draw_axis,
-    draw_gap,
     draw_orbit,
+    draw_place,
     draw_sense,
     draw_smallest_gap,
     frame,
-    frame_gap,
 )
 from hydrolab.figures.picture import Picture
 from hydrolab.figures.readings import (
@@ -149,11 +148,8 @@ def orbit_picture(orbit: PeriodicOrbit) -> Picture:
     frame(near, path, 0.25)
     near.legend(loc="upper right")
     for axes in far:
-        plane(axes, "Where it lies in the gap")
-        draw_gap(axes, orbit.centre, orbit.model)
-        draw_orbit(axes, path, COLOURS["rotor"], sense=False)
+        draw_place(axes, orbit, COLOURS["rotor"])
         draw_smallest_gap(axes, orbit)
-        frame_gap(axes, orbit.centre, orbit.model.gap)
     if not far:
         draw_axis(near)
     return Picture(figure, orbit_reading(orbit))

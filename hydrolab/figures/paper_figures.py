@@ -13,10 +13,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from hydrolab.dynamics.harmonic_balance import orbit_from
+from hydrolab.dynamics.branches import orbits_at
 from hydrolab.dynamics.harmonics import PERIOD, ellipse, self_crossings, synthesise
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
-from hydrolab.dynamics.solvers import newton
 from hydrolab.figures.drawing import (
     MM,
     REVOLUTION,
@@ -25,9 +24,9 @@ from hydrolab.figures.drawing import (
     draw_axis,
     draw_gap,
     draw_orbit,
+    draw_place,
     draw_sense,
     frame,
-    frame_gap,
 )
 from hydrolab.figures.orbits import curve, draw_branch
 from hydrolab.figures.picture import Picture
@@ -56,14 +55,11 @@ from hydrolab.figures.style import (
     new_figure,
     plane,
 )
-from hydrolab.paper.study import SteadyStudy, Study
+from hydrolab.paper.study import BEYOND, REPEATED, REPEATS, VALIDATION, SteadyStudy, Study
 
 # the paper's percentages; `eccentricity` says what they stand for on another machine
-VALIDATION = 8.8
-BEYOND = 9.0
 EVOLUTION = (0.0, 3.0, 5.0, 7.0, 8.0, 8.5, 8.8, 8.9)
 ROTOR = (1.0, 5.0, 7.0, 8.9)
-REPEATS = 1e-3  # two revolutions that differ by less than this share of the motion are the same
 LEG_POINTS = 161  # steady states that Figure 5 is drawn through
 WIDE = 1.35  # width over height of the small panels of Figure 6
 SMALLEST_SHOWN = 1e-2  # µm; below it an amplitude is not worth a decade of the logarithmic panels
@@ -150,7 +146,7 @@ def outcome(trajectory: Trajectory) -> str:
         return trajectory.stopped.rstrip(".")[0].lower() + trajectory.stopped.rstrip(".")[1:]
     if trajectory.revolutions < 5:
         return f"is still in the gap after {trajectory.revolutions:.0f} revolutions"
-    for count, words in ((1, "one revolution"), (2, "two revolutions")):
+    for count, words in REPEATED.items():
         if trajectory.recurrence(count) <= REPEATS:
             return f"the motion settles on an orbit that repeats after {words}"
     return "the motion stays in the gap and does not repeat"
@@ -161,9 +157,7 @@ def _reading_8(study: Study) -> str:
     folds = [percent(fold.value, 4) for fold in branch.folds]
     turns = (f"The branch folds at {listed(folds)} static eccentricity" if folds
              else "The branch has no fold")
-    there = [f"{f.verdict} (largest multiplier "
-             f"{f'{f.largest:.2f}' if f.largest < 100 else 'above 100'})"
-             for _, f in study.beyond_orbits]
+    there = study.states_beyond
     if there:
         states = f"it has {len(there)} steady state{'s' * (len(there) > 1)}, {listed(there)}"
     elif branch.folds or study.eccentricity(BEYOND) < branch.static_eccentricity.max():
@@ -190,10 +184,7 @@ def figure_3(study: Study) -> Picture:
     draw_sense(near, around, COLOURS["integration"], "Ωt = 0")
     frame(near, balance, 0.3)
     near.legend(loc="upper left")
-    plane(far, "Where it lies in the gap")
-    draw_gap(far, orbit.centre, study.model)
-    draw_orbit(far, around, COLOURS["harmonic balance"], sense=False)
-    frame_gap(far, orbit.centre, study.model.gap)
+    draw_place(far, orbit, COLOURS["harmonic balance"])
     return Picture(figure, _reading_3(study))
 
 
@@ -227,20 +218,14 @@ def first_leg(study: SteadyStudy) -> list[PeriodicOrbit]:
     """Steady states from zero eccentricity to the first fold (or the end), each solved for, and the
     last one there.
 
-    They lie evenly along the branch, so that they crowd where it turns up; each is looked for on
-    the smooth curve.
+    They lie evenly along the branch, so that they crowd where it turns up.
     """
-    branch = study.branch
-    smooth, eq = curve(branch), branch.equations
-    last = smooth.at_folds[0] if branch.folds else smooth.at_points[branch.first_leg.stop - 1]
-    eccentricity, coefficients = smooth(np.linspace(0.0, last, LEG_POINTS)[:-1])
-    orbits = [branch[0]]
-    for value, guess in zip(eccentricity[1:], coefficients[1:], strict=True):
-        centre = value * study.model.gap * branch.direction
-        found = newton(lambda y, centre=centre: eq.linearise(y, centre), guess.ravel() / eq.length)
-        if found.converged:
-            orbits.append(orbit_from(eq, float(value), centre, found))
-    return [*orbits, branch.at_fold(0) if branch.folds else branch[branch.first_leg.stop - 1]]
+    branch, end = study.branch, study.branch.first_leg.stop - 1
+    smooth = curve(branch)
+    last = smooth.at_folds[0] if branch.folds else smooth.at_points[end]
+    values, _ = smooth(np.linspace(0.0, last, LEG_POINTS)[1:-1])
+    orbits = [orbit for value in values for orbit in orbits_at(branch, value)[:1]]
+    return [branch[0], *orbits, branch.at_fold(0) if branch.folds else branch[end]]
 
 
 @house_style()

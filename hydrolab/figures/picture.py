@@ -21,6 +21,18 @@ from hydrolab.figures.style import CSS_DOTS_PER_INCH, DOTS_PER_INCH, house_style
 PALETTE = 128  # colours of a stored picture
 
 
+def few_colours(image: Image.Image, count: int) -> Image.Image:
+    """An image with a palette of so many colours, count."""
+    return image.convert("RGB").quantize(count, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+
+
+def as_webp(image: Image.Image) -> bytes:
+    """An image as WebP without loss."""
+    stream = io.BytesIO()
+    image.save(stream, "webp", lossless=True, quality=80, method=4)
+    return stream.getvalue()
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Picture:
     """A Matplotlib figure and what it says in words, computed from the same result.
@@ -41,9 +53,8 @@ class Picture:
 
     def _few_colours(self) -> Image.Image:
         """The picture with a palette: a notebook with ten of them opens quickly."""
-        full = Image.open(io.BytesIO(self._written("png", {"Software": None})))
-        return full.convert("RGB").quantize(PALETTE, Image.Quantize.MEDIANCUT,
-                                            dither=Image.Dither.NONE)
+        return few_colours(Image.open(io.BytesIO(self._written("png", {"Software": None}))),
+                           PALETTE)
 
     def png(self) -> bytes:
         """The picture as PNG, the same bytes each time, with the reading as its description."""
@@ -56,9 +67,7 @@ class Picture:
 
     def webp(self) -> bytes:
         """The picture as WebP without loss, two thirds of the PNG, for pages that hold it."""
-        stream = io.BytesIO()
-        self._few_colours().convert("RGB").save(stream, "webp", lossless=True, quality=80, method=4)
-        return stream.getvalue()
+        return as_webp(self._few_colours().convert("RGB"))
 
     def svg(self) -> bytes:
         """The picture as SVG, the same bytes each time; the reading is its title."""

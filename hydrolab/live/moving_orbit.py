@@ -317,7 +317,7 @@ class LiveOrbit:
             return None, "unknown"
         legs, own = ways[leg]
         orbit = legs.orbit(eccentricity, own)
-        return orbit, "unknown" if orbit is None else legs.verdict(orbit, own)
+        return orbit, "unknown" if orbit is None else legs.verdict(orbit.static_eccentricity, own)
 
     def look_for_doubled(self) -> None:
         """Find the motions of two revolutions, of the card's field and unbalance; takes seconds."""

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import quad
 
-from hydrolab.machine.pull import ForceLaw, Linear, quiet
+from hydrolab.machine.pull import ForceLaw, Linear, Phase, Rate, quiet
 from hydrolab.machine.quantities import Part, choice_field, number_field, text_field, whole_field
 
 if TYPE_CHECKING:
@@ -53,23 +53,18 @@ class BreathingCrack(ForceLaw):
     rounding: float = 1e-7
     breathes: bool = True
 
-    def _towards(self, kappa: NDArray, phase: NDArray | float) -> tuple[NDArray, NDArray]:
-        """n, (2, …), and the opening −n·κ, rad."""
-        angle = np.asarray(phase) + self.phase + np.zeros(kappa.shape[1:])
-        n = np.stack([np.sin(angle), np.cos(angle)])
-        return n, -(n * kappa).sum(axis=0)
-
     @quiet
-    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def linearise(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
                   speed: float = 0.0) -> Linear:
         """Moment, N m, and its derivative with respect to κ = u, N m/rad."""
-        n, opening = self._towards(u, phase)
-        size, share = self._open(opening) if self.breathes else (opening, np.ones_like(opening))
+        angle = np.asarray(phase) + self.phase + np.zeros(u.shape[1:])
+        n = np.stack([np.sin(angle), np.cos(angle)])
+        size = -(n * u).sum(axis=0)  # by how much it opens
+        share = np.ones_like(size)
+        if self.breathes:
+            hypotenuse = np.hypot(size, self.rounding)
+            size, share = (size + hypotenuse) / 2, (1 + size / hypotenuse) / 2
         return -self.loss * n * size, self.loss * share * n[:, None] * n, None
-
-    def _open(self, opening: NDArray) -> tuple[NDArray, NDArray]:
-        hypotenuse = np.hypot(opening, self.rounding)
-        return (opening + hypotenuse) / 2, (1 + opening / hypotenuse) / 2
 
 
 @lru_cache(maxsize=64)

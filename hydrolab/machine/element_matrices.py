@@ -1,4 +1,4 @@
-"""M, G and K of the shaft elements in numbers.
+"""M, G and K of the shaft element in numbers.
 
 Written by `python -m tests.machine.generate_elements` from the derivation in
 `hydrolab.machine.elements`, with common parts taken out; a test holds the two together.
@@ -7,74 +7,9 @@ Written by `python -m tests.machine.generate_elements` from the derivation in
 from numpy import array
 from numpy.typing import NDArray
 
-Matrices = tuple[NDArray, NDArray, NDArray]
 
-
-def lalanne_ferraris(L: float, Phi: float, E: float, rho: float, A: float, I: float) -> Matrices:
-    """M, G and K of the element "lalanne-ferraris", each (8, 8), in the letters of `symbols`."""
-    x0 = 42*I
-    x1 = L**2
-    x2 = A*x1
-    x3 = 13*x2
-    x4 = L**(-1.0)
-    x5 = rho*x4
-    x6 = (1/35)*x5*(x0 + x3)
-    x7 = (1/210)*rho*(21*I + 11*x2)
-    x8 = -x7
-    x9 = 3*x2
-    x10 = (3/70)*x5*(-28*I + x9)
-    x11 = (1/420)*rho
-    x12 = x11*(-x0 + x3)
-    x13 = -x12
-    x14 = 14*I
-    x15 = (1/105)*L*rho*(x14 + x2)
-    x16 = -L*x11*(x14 + x9)
-    x17 = I*rho
-    x18 = (12/5)*x17*x4
-    x19 = -x18
-    x20 = (1/5)*x17
-    x21 = -x20
-    x22 = L*x17
-    x23 = (4/15)*x22
-    x24 = -x23
-    x25 = (1/15)*x22
-    x26 = -x25
-    x27 = E*I/(Phi + 1)
-    x28 = 12*x27/L**3
-    x29 = 6*x27/x1
-    x30 = -x29
-    x31 = -x28
-    x32 = x27*x4
-    x33 = x32*(Phi + 4)
-    x34 = -x32*(Phi - 2)
-    return (
-        array([[x6, 0, 0, x8, x10, 0, 0, x12],
-               [0, x6, x7, 0, 0, x10, x13, 0],
-               [0, x7, x15, 0, 0, x12, x16, 0],
-               [x8, 0, 0, x15, x13, 0, 0, x16],
-               [x10, 0, 0, x13, x6, 0, 0, x7],
-               [0, x10, x12, 0, 0, x6, x8, 0],
-               [0, x13, x16, 0, 0, x8, x15, 0],
-               [x12, 0, 0, x16, x7, 0, 0, x15]]),
-        array([[0, x19, x21, 0, 0, x18, x21, 0],
-               [x18, 0, 0, x21, x19, 0, 0, x21],
-               [x20, 0, 0, x24, x21, 0, 0, x25],
-               [0, x20, x23, 0, 0, x21, x26, 0],
-               [0, x18, x20, 0, 0, x19, x20, 0],
-               [x19, 0, 0, x20, x18, 0, 0, x20],
-               [x20, 0, 0, x25, x21, 0, 0, x24],
-               [0, x20, x26, 0, 0, x21, x23, 0]]),
-        array([[x28, 0, 0, x30, x31, 0, 0, x30],
-               [0, x28, x29, 0, 0, x31, x29, 0],
-               [0, x29, x33, 0, 0, x30, x34, 0],
-               [x30, 0, 0, x33, x29, 0, 0, x34],
-               [x31, 0, 0, x29, x28, 0, 0, x29],
-               [0, x31, x30, 0, 0, x28, x30, 0],
-               [0, x29, x34, 0, 0, x30, x33, 0],
-               [x30, 0, 0, x34, x29, 0, 0, x33]]))
-
-
-def timoshenko(L: float, Phi: float, E: float, rho: float, A: float, I: float) -> Matrices:
+def timoshenko(L: float, Phi: float, E: float, rho: float, A: float,
+               I: float) -> tuple[NDArray, NDArray, NDArray]:
     """M, G and K of the element "timoshenko", each (8, 8), in the letters of `symbols`."""
     x0 = 252*I
     x1 = L**2

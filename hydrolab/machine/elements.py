@@ -12,7 +12,7 @@ Two elements share one set of shape functions with the shear parameter Φ = 12 E
 - "timoshenko": Φ everywhere; the rotary inertia is that of the section's own rotation
   (M. I. Friswell et al., Dynamics of Rotating Machines, 2010, section 5.4).
 
-What runs are the functions of `element_matrices`, which a script writes from this derivation; SymPy
+What runs is the function of `element_matrices`, which a script writes from this derivation; SymPy
 is loaded where somebody looks at it, and each element is derived once per process.
 """
 
@@ -26,13 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydrolab.errors import BadInput
-from hydrolab.machine import element_matrices
+from hydrolab.machine.element_matrices import timoshenko
 
 if TYPE_CHECKING:
     import sympy as sp
 
-ELEMENTS = {"lalanne-ferraris": element_matrices.lalanne_ferraris,
-            "timoshenko": element_matrices.timoshenko}
+ELEMENTS = ("lalanne-ferraris", "timoshenko")
 
 
 @cache
@@ -176,7 +175,9 @@ def shaft_element(element: str, length: float, young: float, density: float, are
     check_element(element)
     shear_modulus = young / (2 * (1 + poisson))
     phi = 12 * young * second_moment / (shear_coefficient * shear_modulus * area * length**2)
-    M, G, K = ELEMENTS[element](length, phi, young, density, area, second_moment)
+    M, G, K = timoshenko(length, phi, young, density, area, second_moment)
+    if element == "lalanne-ferraris":
+        M, G, _ = timoshenko(length, 0.0, young, density, area, second_moment)
     return M, G, K
 
 

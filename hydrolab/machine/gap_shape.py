@@ -34,6 +34,7 @@ from hydrolab.machine.quantities import (
     number_field,
     shown,
     text_field,
+    whole,
     whole_field,
 )
 
@@ -169,8 +170,7 @@ def read_gap(path: str | Path, orders: int = 8) -> MeasuredGap:
     other columns are ignored. Columns are apart by commas, or by semicolons, and then a comma may
     mark the decimals. orders: highest order. Raises BadInput with one sentence that names the line.
     """
-    if isinstance(orders, bool) or not isinstance(orders, int) or not 1 <= orders <= MOST:
-        raise BadInput(f"orders is {orders!r}; it must be a whole number from 1 to {MOST}.")
+    whole("orders", orders, 1, MOST)
     name, rows = Path(path).name, csv_rows(Path(path))
     header = [micro(cell.strip()) for cell in rows[0][1]] if rows else []
     places = [_column(name, header, kind) for kind in COLUMNS]

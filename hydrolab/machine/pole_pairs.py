@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hydrolab.machine.pull import ForceLaw, Linear, Wave, quiet
+from hydrolab.machine.pull import ForceLaw, Linear, Phase, Rate, Wave, quiet
 from hydrolab.machine.quantities import Fault, Part, choice_field, number_field, whole_field
 
 # of the series to third order: a_n w² (1 + w)ⁿ as a polynomial in ρ²
@@ -67,21 +67,17 @@ class PolePairPull(ForceLaw):
     backward_angle: float = 0.0
     truncated: bool = False
 
-    def wave(self, phase: NDArray | float) -> NDArray:
+    def wave(self, phase: Phase) -> NDArray:
         """The complex amplitude c of the field at the phases Ωt, rad."""
         angle = self.ratio * np.asarray(phase) + self.start
         return np.exp(1j * angle) + self.backward * np.exp(-1j * (angle + self.backward_angle))
 
-    def _place(self, e: NDArray) -> tuple[NDArray, NDArray]:
-        """ζ and w = √(1 − |ζ|²), nan outside the gap."""
-        zeta = (e[1] + 1j * e[0]) / self.gap
-        return zeta, np.sqrt(1 - np.abs(zeta) ** 2)
-
     @quiet
-    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def linearise(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
                   speed: float = 0.0) -> Linear:
         """Force, N, and its derivative, N/m; nan where |e| ≥ g0."""
-        zeta, w = self._place(u)
+        zeta = (u[1] + 1j * u[0]) / self.gap
+        w = np.sqrt(1 - np.abs(zeta) ** 2)
         conj, c, p = zeta.conj(), self.wave(phase), self.pole_pairs
         size = truncated_size if self.truncated else whole_size
         force, by_zeta, by_conj = (np.zeros(np.broadcast(zeta, c).shape, dtype=complex)

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Linear = tuple[NDArray, NDArray, NDArray | None]  # force, ∂F_i/∂u_j, ∂F_i/∂v_j
+Rate = NDArray | None  # velocities, where a law asks for them
+Phase = NDArray | float
 quiet = np.errstate(all="ignore")  # nan is meant outside the gap, and what underflows is nothing
 
 
@@ -48,17 +50,17 @@ class ForceLaw:
     coordinates: int = 2
     gap: float
 
-    def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def force(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
               speed: float = 0.0) -> NDArray:
         """Force on the rotor, N or N m; shape of u."""
         return self.linearise(u, velocity, phase, speed)[0]
 
-    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def linearise(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
                   speed: float = 0.0) -> Linear:
         """Force with its derivatives by position and by velocity (None if zero), (c, c, …)."""
         raise NotImplementedError
 
-    def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
+    def narrowest(self, u: NDArray, phase: Phase = 0.0) -> tuple[NDArray, NDArray]:
         """Smallest gap, m, and its gap angle, rad; each has the shape of u without its first axis.
         """
         return self.gap - np.hypot(u[0], u[1]), np.arctan2(u[0], u[1])
@@ -68,11 +70,11 @@ class ForceLaw:
         """Whether it is the pull of a round gap (rule 8)."""
         return False
 
-    def smallest_gap(self, u: NDArray, phase: NDArray | float = 0.0) -> NDArray:
+    def smallest_gap(self, u: NDArray, phase: Phase = 0.0) -> NDArray:
         """Smallest air gap around the circumference, m; zero or less is contact."""
         return self.narrowest(u, phase)[0]
 
-    def gap_angle(self, u: NDArray, phase: NDArray | float = 0.0) -> NDArray:
+    def gap_angle(self, u: NDArray, phase: Phase = 0.0) -> NDArray:
         """Angle at which the gap is smallest, rad, from z towards x."""
         return self.narrowest(u, phase)[1]
 
@@ -103,14 +105,14 @@ class CircularPull(ForceLaw):
         return type(self) is CircularPull
 
     @quiet
-    def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def force(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
               speed: float = 0.0) -> NDArray:
         """Force on the rotor, N; shape of u. Meaningless (nan) where |e| ≥ g0."""
         ex, ez = u
         return self.stiffness * (1 - (ex * ex + ez * ez) / self.gap**2) ** -1.5 * u
 
     @quiet
-    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def linearise(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
                   speed: float = 0.0) -> Linear:
         r"""Force, N, and its derivative, N/m.
 
@@ -137,7 +139,7 @@ class MatrixPull(ForceLaw):
     gap: float
     unit = np.eye(2)
 
-    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def linearise(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
                   speed: float = 0.0) -> Linear:
         """Force, N, and its derivative k times the unit, N/m."""
         matrix = self.stiffness * self.unit
@@ -235,20 +237,20 @@ class ShapedPull(ForceLaw):
         """The gap angles of the quadrature, rad, (N,)."""
         return 2 * np.pi * np.arange(len(self.shape)) / len(self.shape)
 
-    def local_gap(self, u: NDArray, phase: NDArray | float = 0.0) -> NDArray:
+    def local_gap(self, u: NDArray, phase: Phase = 0.0) -> NDArray:
         """Gap at the N angles, m, (…, N); below zero the rotor is in the stator."""
         angle = self.angles
         gap = self.shape - np.tensordot(u, [np.sin(angle), np.cos(angle)], axes=(0, 0))
         turned = np.asarray(phase)[..., None]
         return gap - outline(self.rotor, angle - turned) if self.rotor else gap
 
-    def field(self, angle: NDArray, phase: NDArray | float) -> NDArray:
+    def field(self, angle: NDArray, phase: Phase) -> NDArray:
         """f at gap angles (N,) and phases (…), over the reference wave's peak: (…, N)."""
         turned = np.asarray(phase)[..., None]
         return sum((w.share * np.cos(w.order * angle - w.ratio * turned - w.angle)
                     for w in self.waves), np.zeros(1))
 
-    def _stress(self, u: NDArray, phase: NDArray | float) -> tuple[NDArray, NDArray, NDArray]:
+    def _stress(self, u: NDArray, phase: Phase) -> tuple[NDArray, NDArray, NDArray]:
         """Directions (2, N), share of each angle in the force, N, and gap, m, both (…, N)."""
         angle, gap = self.angles, self.local_gap(u, phase)
         gap = np.where(gap > 0, gap, np.nan)
@@ -258,21 +260,21 @@ class ShapedPull(ForceLaw):
         return np.stack([np.sin(angle), np.cos(angle)]), stress, gap
 
     @quiet
-    def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def force(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
               speed: float = 0.0) -> NDArray:
         """Force on the rotor, N; shape of u. Meaningless (nan) where the rotor is in the stator."""
         direction, stress, _ = self._stress(u, phase)
         return np.tensordot(direction, stress, axes=(1, -1))
 
     @quiet
-    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def linearise(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
                   speed: float = 0.0) -> Linear:
         """Force, N, and its derivative, N/m: one more power of the gap under the integral."""
         direction, stress, gap = self._stress(u, phase)
         slope = np.tensordot(direction[:, None] * direction, 2 * stress / gap, axes=(2, -1))
         return np.tensordot(direction, stress, axes=(1, -1)), slope, None
 
-    def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
+    def narrowest(self, u: NDArray, phase: Phase = 0.0) -> tuple[NDArray, NDArray]:
         """Smallest gap over the N angles, m, and its angle, rad."""
         gap = self.local_gap(u, phase)
         return gap.min(axis=-1), 2 * np.pi * gap.argmin(axis=-1) / len(self.shape)
@@ -325,21 +327,21 @@ class TiltedPull(ForceLaw):
         object.__setattr__(self, "moving", self.upright.moving)
         object.__setattr__(self, "gap", self.upright.gap)
 
-    def _slices(self, u: NDArray, phase: NDArray | float
+    def _slices(self, u: NDArray, phase: Phase
                 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Heights s (m), weights that sum to 1, the eccentricity there, (2, …, points), phase."""
         s = self.height / 2 * GAUSS[0]
         return (s, GAUSS[1] / 2, u[:2, ..., None] + u[2:, ..., None] * s,
                 np.asarray(phase)[..., None])
 
-    def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def force(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
               speed: float = 0.0) -> NDArray:
         """Force, N, and moment on the slopes, N m; nan where an end is in the stator."""
         s, weight, e, phase = self._slices(u, phase)
         pull = self.upright.force(e, None, phase, speed)
         return np.concatenate([pull @ weight, pull @ (s * weight)])
 
-    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def linearise(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
                   speed: float = 0.0) -> Linear:
         """Force and its derivative, (4, 4, …)."""
         s, weight, e, phase = self._slices(u, phase)
@@ -349,7 +351,7 @@ class TiltedPull(ForceLaw):
                 np.concatenate([np.concatenate([direct, mixed], axis=1),
                                 np.concatenate([mixed, tilt], axis=1)]), None)
 
-    def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
+    def narrowest(self, u: NDArray, phase: Phase = 0.0) -> tuple[NDArray, NDArray]:
         """Smallest gap, m, and its angle, rad, at the top or the bottom of the rim: no other height
         comes nearer to the stator. Where u is (x, z) alone the rotor is taken as upright.
         """
@@ -386,7 +388,7 @@ class SeveralLaws(ForceLaw):
         put(self, "coordinates", max(part.rows.stop for part in self.parts))
         put(self, "gap", self.parts[0].law.gap)
 
-    def force(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def force(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
               speed: float = 0.0) -> NDArray:
         """Forces on all coordinates, N; shape of u."""
         out = np.zeros_like(u)
@@ -395,7 +397,7 @@ class SeveralLaws(ForceLaw):
             out[part.rows] += part.law.force(u[part.rows], rate, phase, speed)
         return out
 
-    def linearise(self, u: NDArray, velocity: NDArray | None = None, phase: NDArray | float = 0.0,
+    def linearise(self, u: NDArray, velocity: Rate = None, phase: Phase = 0.0,
                   speed: float = 0.0) -> Linear:
         """Forces, N, with their derivatives by position, N/m, and by velocity, N s/m, (c, c, …)."""
         out, slope, damping = np.zeros_like(u), np.zeros((len(u), *u.shape)), None
@@ -409,7 +411,7 @@ class SeveralLaws(ForceLaw):
                 damping[part.rows, part.rows] += by_rate
         return out, slope, damping
 
-    def narrowest(self, u: NDArray, phase: NDArray | float = 0.0) -> tuple[NDArray, NDArray]:
+    def narrowest(self, u: NDArray, phase: Phase = 0.0) -> tuple[NDArray, NDArray]:
         """Smallest gap, m, and its angle, rad, by the first law; u: all coordinates, or (x, z)."""
         return self.parts[0].law.narrowest(u[self.parts[0].rows], phase)
 

@@ -19,7 +19,7 @@ from hydrolab.dynamics.following import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import PERIOD, ellipse, self_crossings
 from hydrolab.dynamics.results import PeriodicOrbit
-from hydrolab.paper.study import Study, stress_fluctuation
+from hydrolab.paper.study import REPEATED, REPEATS, Study, stress_fluctuation
 
 
 @dataclass(frozen=True)
@@ -133,10 +133,8 @@ def _motion_beyond(study: Study) -> tuple[str, float | None]:
     path = study.beyond.last(3)[1]
     around = path - path.mean(axis=1)[:, None]
     growth = float(np.hypot(*around).max()) / study.orbits[8.9].vibration
-    settled = {1: "settles on an orbit of one revolution", 2: "settles on an orbit of two "
-               "revolutions"}
-    name = next((words for n, words in settled.items() if study.beyond.recurrence(n) < 1e-3),
-                "stays bounded without repeating")
+    name = next((f"settles on an orbit of {words}" for n, words in REPEATED.items()
+                 if study.beyond.recurrence(n) <= REPEATS), "stays bounded without repeating")
     return (f"Started at 9.0 % on the 8.9 % orbit the motion {name}, {growth:.2f} times as large.",
             growth)
 
@@ -157,9 +155,7 @@ def _states_beyond(study: Study) -> str:
     if not study.branch.folds:
         end = f"{100 * study.limit / study.scale:.3f} %"
         return f"The branch was followed to {end} and no further."
-    there = [f"{point.verdict} (largest multiplier "
-             + (f"{point.largest:.2f})" if point.largest < 100 else "above 100)")
-             for _, point in study.beyond_orbits]
+    there = study.states_beyond
     if not there:
         return "At 9.0 % the branch has no steady state."
     return (f"At 9.0 % the branch, past its folds, has {len(there)} steady "

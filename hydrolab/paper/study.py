@@ -40,6 +40,8 @@ HARMONICS = 4
 # the paper's revolutions and ramp; its step is not stated
 REVOLUTIONS, RAMP, STEPS = 1000, 400, 512
 REVOLUTIONS_BEYOND = 400
+REPEATS = 1e-3  # two periods that differ by at most this share of the motion are the same
+REPEATED = {1: "one revolution", 2: "two revolutions"}  # periods that are looked for
 # of a revolution; a thousand revolutions then take minutes, and their motion 200 MB
 MOST_STEPS = 2**13
 
@@ -71,7 +73,7 @@ class SteadyStudy:
     @property
     def limit(self) -> float:
         """First fold, or the end of the branch where there is none; fraction of the gap."""
-        return limit_of(self.branch)
+        return _limit(self.branch)
 
     @cached_property
     def kind(self) -> str:
@@ -112,19 +114,21 @@ class Study(SteadyStudy):
         return next((float(value) for value, point in points if point.verdict == "unstable"), None)
 
     @property
+    def states_beyond(self) -> list[str]:
+        """The verdict on each steady state at 9.0 % and its largest multiplier, in words."""
+        sizes = [f"{f.largest:.2f}" if f.largest < 100 else "above 100"
+                 for _, f in self.beyond_orbits]
+        return [f"{f.verdict} (largest multiplier {size})"
+                for (_, f), size in zip(self.beyond_orbits, sizes, strict=True)]
+
+    @property
     def stability_known(self) -> bool:
         """Whether each point of the first leg is known to be stable or not."""
         return all(point.verdict != "unknown" for point in self.stability[self.branch.first_leg])
 
 
-def limit_of(branch: Branch) -> float:
-    """First fold of a branch, or its end where there is none; fraction of the gap."""
+def _limit(branch: Branch) -> float:
     return branch.folds[0].value if branch.folds else float(branch.static_eccentricity[-1])
-
-
-def scale_of(limit: float) -> float:
-    """Factor on the paper's percentages for a machine with this first fold, fraction of the gap."""
-    return 1.0 if PERCENTAGES[-1] < 100 * limit < BEYOND else limit / PAPER_LIMIT
 
 
 def steady_study(machine: Machine, progress: Progress | None = None) -> SteadyStudy:
@@ -139,12 +143,12 @@ def steady_study(machine: Machine, progress: Progress | None = None) -> SteadySt
         # what the paper could not do: the branch past its folds, as far as a machine can be on it
         branch = follow(model, speed=speed, to=0.9, start=begin,
                         method=Arclength(balance, max_folds=3))
-        limit = limit_of(branch)
+        limit = _limit(branch)
         if limit < 1e-3:
             raise NoConvergence(f"{machine.name} loses its steady state at {100 * limit:.3g} % of "
                                 "the gap; there is no range of eccentricity to study. A lower "
                                 "field or stiffer bearings would give one.")
-        scale = scale_of(limit)
+        scale = 1.0 if PERCENTAGES[-1] < 100 * limit < BEYOND else limit / PAPER_LIMIT
         orbits = {p: orbits_at(branch, p / 100 * scale)[0] for p in PERCENTAGES}
         # what the paper did: each start from the last solution
         step = 0.001 * scale

@@ -1,7 +1,7 @@
 """Modes, whirl direction and Campbell diagrams against closed forms and independent eigenproblems.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import pi, sqrt
 
 import numpy as np
@@ -11,7 +11,7 @@ import scipy.linalg
 from hydrolab import HarmonicBalance, load_machine
 from hydrolab.dynamics.modes import campbell, critical_speeds, modes, undamped_frequencies
 from hydrolab.errors import BadInput
-from hydrolab.machine.model import rayleigh_coefficients
+from hydrolab.machine.model import Model, rayleigh_coefficients
 from hydrolab.machine.parts import (
     Machine,
     RadialBearing,
@@ -20,37 +20,27 @@ from hydrolab.machine.parts import (
     Shaft,
     ThrustBearing,
 )
+from hydrolab.machine.pull import CircularPull
 
 RPM = pi / 30
 
 
-@dataclass
-class OneNode:
+def one_node(M, C, G, K):
     """A rigid body at one node: (x, z), or (x, z, θx, θz)."""
-
-    M: np.ndarray
-    C: np.ndarray
-    G: np.ndarray
-    K: np.ndarray
-    depths: np.ndarray = field(default_factory=lambda: np.zeros(1))
-
-    @property
-    def shaft_map(self):
-        return np.eye(len(self.M))
-
-    def velocity_matrix(self, speed):
-        return self.C + speed * self.G
+    n = len(M)
+    return Model("one node", M, C, G, K, np.zeros(n), np.zeros(n), np.eye(2, n),
+                 CircularPull(0.0, np.inf), np.inf, np.zeros(1), np.eye(n))
 
 
 def point_mass(mass, damping, stiffness):
-    return OneNode(mass * np.eye(2), damping * np.eye(2), np.zeros((2, 2)), stiffness * np.eye(2))
+    return one_node(mass * np.eye(2), damping * np.eye(2), np.zeros((2, 2)), stiffness * np.eye(2))
 
 
 def gyroscope(Id, Ip, tilt_stiffness, mass=2.0, stiffness=3e9):
     G = np.zeros((4, 4))
     G[2, 3], G[3, 2] = -Ip, Ip
-    return OneNode(np.diag([mass, mass, Id, Id]), np.zeros((4, 4)), G,
-                   np.diag([stiffness, stiffness, tilt_stiffness, tilt_stiffness]))
+    return one_node(np.diag([mass, mass, Id, Id]), np.zeros((4, 4)), G,
+                    np.diag([stiffness, stiffness, tilt_stiffness, tilt_stiffness]))
 
 
 def rotor(stiffness=(1.37e9, 1.64e9), damping=None, bearing_damping=0.0):

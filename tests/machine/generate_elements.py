@@ -1,4 +1,4 @@
-"""The shaft elements' matrices as a module, written from their derivation.
+"""The shaft element's matrices as a module, written from their derivation.
 
     python -m tests.machine.generate_elements
 
@@ -16,7 +16,7 @@ import sympy as sp
 from hydrolab.machine import element_matrices
 from hydrolab.machine.elements import element_matrices_symbolic, symbols
 
-HEAD = '''"""M, G and K of the shaft elements in numbers.
+MODULE = '''"""M, G and K of the shaft element in numbers.
 
 Written by `python -m tests.machine.generate_elements` from the derivation in
 `hydrolab.machine.elements`, with common parts taken out; a test holds the two together.
@@ -25,12 +25,10 @@ Written by `python -m tests.machine.generate_elements` from the derivation in
 from numpy import array
 from numpy.typing import NDArray
 
-Matrices = tuple[NDArray, NDArray, NDArray]
-'''
-FUNCTION = '''
 
-def {name}(L: float, Phi: float, E: float, rho: float, A: float, I: float) -> Matrices:
-    """M, G and K of the element "{element}", each (8, 8), in the letters of `symbols`."""
+def timoshenko(L: float, Phi: float, E: float, rho: float, A: float,
+               I: float) -> tuple[NDArray, NDArray, NDArray]:
+    """M, G and K of the element "timoshenko", each (8, 8), in the letters of `symbols`."""
 {body}    return (
 {matrices})
 '''
@@ -38,19 +36,13 @@ def {name}(L: float, Phi: float, E: float, rho: float, A: float, I: float) -> Ma
 
 def module_text() -> str:
     """The module as the derivation gives it."""
-    return HEAD + "".join(function_text(element) for element in ("lalanne-ferraris", "timoshenko"))
-
-
-def function_text(element: str) -> str:
-    """One element as a function of L, Phi, E, rho, A and I."""
     c = symbols()
-    made = sp.lambdify((c.L, c.Phi, c.E, c.rho, c.A, c.I), element_matrices_symbolic(element),
+    made = sp.lambdify((c.L, c.Phi, c.E, c.rho, c.A, c.I), element_matrices_symbolic("timoshenko"),
                        "numpy", cse=True)
     body, matrices = inspect.getsource(made).split("\n", 1)[1].split("    return ")
     rows = [re.sub(r"\], \[", "],\n               [", matrix)
             for matrix in re.findall(r"array\(\[\[.*?\]\]\)", matrices)]
-    return FUNCTION.format(name=element.replace("-", "_"), element=element, body=body,
-                           matrices=",\n".join(" " * 8 + matrix for matrix in rows))
+    return MODULE.format(body=body, matrices=",\n".join(" " * 8 + matrix for matrix in rows))
 
 
 if __name__ == "__main__":

@@ -251,11 +251,12 @@ def test_shape_functions_take_their_end_values_and_hold_equilibrium():
     assert moment_balance.applyfunc(lambda v: v.simplify()).is_zero_matrix
 
 
-def test_what_is_displayed_is_what_runs():
+@pytest.mark.parametrize("element", elements.ELEMENTS)
+def test_what_is_displayed_is_what_runs(element):
     c = elements.symbols()
-    M, G, K = elements.element_matrices_symbolic("timoshenko")
+    M, G, K = elements.element_matrices_symbolic(element)
     numbers = {c.L: L, c.Phi: PHI, c.E: E, c.rho: RHO, c.A: A, c.I: I}
-    for symbolic, numeric in zip((M, G, K), stock("timoshenko"), strict=True):
+    for symbolic, numeric in zip((M, G, K), stock(element), strict=True):
         np.testing.assert_allclose(np.array(symbolic.subs(numbers).tolist(), dtype=float), numeric,
                                    rtol=1e-12)
 
