@@ -48,23 +48,13 @@ def copy_new(source: Path, target: Path) -> bool:
     if target.exists() or target.is_symlink():
         return False
     target.parent.mkdir(parents=True, exist_ok=True)
-    handle, part = tempfile.mkstemp(prefix=".copying-", dir=target.parent)
+    part = target.with_name(f".copying-{os.getpid()}-{target.name}")
     try:
-        os.close(handle)
         shutil.copyfile(source, part)
-        os.chmod(part, 0o666 & ~current_umask())
-        os.replace(part, target)
-    except BaseException:
-        Path(part).unlink(missing_ok=True)
-        raise
+        part.replace(target)
+    finally:
+        part.unlink(missing_ok=True)
     return True
-
-
-def current_umask() -> int:
-    """Return the process's umask (it can only be read by setting it)."""
-    umask = os.umask(0o022)
-    os.umask(umask)
-    return umask
 
 
 def prepare_folder(folder: Path, book: Path | None = None) -> tuple[list[Path], list[Path]]:
@@ -86,12 +76,6 @@ def prepare_folder(folder: Path, book: Path | None = None) -> tuple[list[Path], 
             kept.append(relative)
     folder.mkdir(parents=True, exist_ok=True)
     return copied, kept
-
-
-def check_port(ip: str, port: int) -> None:
-    """Say in a sentence why nothing can listen on this ip and port, before JupyterLab starts."""
-    if (problem := trouble(ip, port)) is not None:
-        raise BadInput(in_words(problem, ip, port, "--ip", "--port"))
 
 
 def lab_arguments(folder: Path, *, ip: str, port: int | None, browser: bool) -> list[str]:
@@ -138,10 +122,10 @@ def lab(options: argparse.Namespace) -> int:
     if importlib.util.find_spec("jupyterlab") is None:
         raise BadInput(f"JupyterLab is not installed for {sys.executable}; install it with: pip "
                        "install jupyterlab")
-    if options.port is not None:
-        check_port(options.ip, options.port)
-    elif options.ip != "127.0.0.1":
-        check_port(options.ip, 0)
+    if options.port is not None or options.ip != "127.0.0.1":
+        port = options.port or 0
+        if (problem := trouble(options.ip, port)) is not None:
+            raise BadInput(in_words(problem, options.ip, port, "--ip", "--port"))
     copied, kept = prepare_folder(options.dir)
     folder = options.dir.resolve()
     print(f"The course is in {folder} ({len(copied)} files copied). It is yours to edit.")
@@ -255,8 +239,7 @@ def port_number(text: str) -> int:
     return int(text)
 
 
-def add_lab(command: argparse.ArgumentParser) -> None:
-    """Add the options of `hydrolab lab` to its part of the command line."""
+def _add_lab(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("--dir", type=Path, default=Path("hydrolab-book"), metavar="DIR",
         help="working folder for your copy of the course (default: %(default)s)")
@@ -267,8 +250,7 @@ def add_lab(command: argparse.ArgumentParser) -> None:
         help="write a copy without solutions into a new folder, and open nothing")
 
 
-def add_book(command: argparse.ArgumentParser) -> None:
-    """Add the options of `hydrolab book` to its part of the command line."""
+def _add_book(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("--out", type=Path, metavar="DIR", help="folder for the pages (default: book/_build/html)")
     add("--instructor", action="store_true", help="with the pages for instructors")
@@ -289,8 +271,7 @@ def add_book(command: argparse.ArgumentParser) -> None:
     add("--no-browser", action="store_true", help="with --serve: print the address only")
 
 
-def add_study(command: argparse.ArgumentParser) -> None:
-    """Add the options of `hydrolab study` to its part of the command line."""
+def _add_study(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("card", nargs="?", default="kaplan-150rpm", metavar="CARD",
         help="name of a shipped machine card or path of your own TOML file (default: %(default)s)")
@@ -301,14 +282,12 @@ def add_study(command: argparse.ArgumentParser) -> None:
     add("--no-figures", action="store_true", help="compute and report, draw nothing")
 
 
-def add_grade(command: argparse.ArgumentParser) -> None:
-    """Add the options of `hydrolab grade` to its part of the command line."""
+def _add_grade(command: argparse.ArgumentParser) -> None:
     command.add_argument("folder", type=Path, metavar="FOLDER", help="folder with the returned "
                          "notebooks: a folder or a notebook for each student")
 
 
-def add_show(command: argparse.ArgumentParser) -> None:
-    """Add the options of `hydrolab show` to its part of the command line."""
+def _add_show(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("card", nargs="?", metavar="CARD",
         help="name of a shipped machine card or path of your own TOML file "
@@ -340,11 +319,11 @@ def parser() -> argparse.ArgumentParser:
                                   "unbalanced magnetic pull: a course and a study.")
     top.add_argument("--version", action="version", version=f"hydrolab {__version__}")
     commands = top.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for run, add, words in ((lab, add_lab, "open the course in JupyterLab"),
-                            (book, add_book, "build the static book, or refresh the chapters"),
-                            (study, add_study, "repeat the paper's study"),
-                            (grade, add_grade, "mark what a class has handed in"),
-                            (show, add_show, "open the machine in 3D")):
+    for run, add, words in ((lab, _add_lab, "open the course in JupyterLab"),
+                            (book, _add_book, "build the static book, or refresh the chapters"),
+                            (study, _add_study, "repeat the paper's study"),
+                            (grade, _add_grade, "mark what a class has handed in"),
+                            (show, _add_show, "open the machine in 3D")):
         command = commands.add_parser(run.__name__, help=words, description=run.__doc__)
         add(command)
         command.set_defaults(run=run)

@@ -26,6 +26,8 @@ from hydrolab.dynamics.solvers import QUADRATIC
 from hydrolab.errors import BadInput
 from hydrolab.machine.pull import CircularPull
 
+TOLERANCE = 1e-10  # of the scaled residual
+
 
 class Outcome(IntEnum):
     """How a member of a batch ended."""
@@ -132,14 +134,13 @@ def stack(systems: Sequence[Condensed]) -> Batch:
                  rows, analysis, np.einsum("nk,ln->nkl", analysis, rows).reshape(first.samples, -1))
 
 
-def newton_batch(batch: Batch, y: NDArray, centre: NDArray, tolerance: float = 1e-10,
+def newton_batch(batch: Batch, y: NDArray, centre: NDArray,
                  max_steps: int = 25) -> tuple[NDArray, NDArray]:
     """Newton's method on every member; returns the unknowns (B, 2K) and an `Outcome` for each (B,).
 
-    y: where to start, (B, 2K). centre: stator centres, m, (B, 2). tolerance: of the residual. A
-    step that leaves the gap or does not reduce a member's residual is halved for that member alone.
-    As in `solvers.newton`, one more step is taken without looking back when the residual is below
-    the tolerance.
+    y: where to start, (B, 2K). centre: stator centres, m, (B, 2). A step that leaves the gap or
+    does not reduce a member's residual is halved for that member alone. As in `solvers.newton`, one
+    more step is taken without looking back when the residual is below TOLERANCE.
     """
     y = y.copy()
     outcome = np.full(len(y), Outcome.STALLED, dtype=np.int8)
@@ -158,7 +159,7 @@ def newton_batch(batch: Batch, y: NDArray, centre: NDArray, tolerance: float = 1
         step = solve_each(jacobian, r)
         length = np.linalg.norm(step, axis=1)
         # those that are done take this last step, but not at a fold, where it would lead away
-        done = size < tolerance
+        done = size < TOLERANCE
         outcome[active[done]] = Outcome.CONVERGED
         last = done & (length < QUADRATIC)  # false for nan
         y[active[last]] -= step[last]
@@ -167,9 +168,8 @@ def newton_batch(batch: Batch, y: NDArray, centre: NDArray, tolerance: float = 1
             break
         # the others take theirs, halved as often as they must
         active, part, at = active[going], part.take(going), at[going]
-        y[active], r, jacobian, new = _halved(part, y[active], step[going], at, size[going],
-                                              tolerance)
-        keep, size = (new < size[going]) | (new < tolerance), new
+        y[active], r, jacobian, new = _halved(part, y[active], step[going], at, size[going])
+        keep, size = (new < size[going]) | (new < TOLERANCE), new
     found = np.flatnonzero(outcome == Outcome.CONVERGED)
     if len(found):
         held = batch.take(found).balanced(y[found], centre[found])
@@ -177,8 +177,8 @@ def newton_batch(batch: Batch, y: NDArray, centre: NDArray, tolerance: float = 1
     return y, outcome
 
 
-def _halved(part: Batch, y: NDArray, step: NDArray, centre: NDArray, size: NDArray,
-            tolerance: float) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+def _halved(part: Batch, y: NDArray, step: NDArray, centre: NDArray,
+            size: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Unknowns after the longest of the steps, halved up to 11 times, that reduces each residual;
     with residuals, Jacobians and their sizes there. Where none does, the unknowns are as they were.
     """
@@ -187,14 +187,14 @@ def _halved(part: Batch, y: NDArray, step: NDArray, centre: NDArray, size: NDArr
     r, jacobian, _ = part.linearise(trial, centre)
     new = np.linalg.norm(r, axis=1)
     for _ in range(11):
-        worse = ~((new < size) | (new < tolerance))  # true for nan
+        worse = ~((new < size) | (new < TOLERANCE))  # true for nan
         if not worse.any():
             return trial, r, jacobian, new
         share[worse] /= 2
         trial[worse] = y[worse] - share[worse, None] * step[worse]
         r[worse], jacobian[worse], _ = part.take(worse).linearise(trial[worse], centre[worse])
         new[worse] = np.linalg.norm(r[worse], axis=1)
-    better = (new < size) | (new < tolerance)
+    better = (new < size) | (new < TOLERANCE)
     return np.where(better[:, None], trial, y), r, jacobian, new
 
 

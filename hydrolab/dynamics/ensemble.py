@@ -26,7 +26,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from hydrolab.dynamics.reduction import reduce
+from hydrolab.dynamics.reduction import deflection, reduce
 from hydrolab.dynamics.results import PeriodicOrbit, left_out
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
@@ -389,20 +389,13 @@ def reached(system: Split, states: NDArray, orbits: Sequence[PeriodicOrbit]) -> 
     return ends
 
 
-def push_shapes(system: Split) -> NDArray:
-    """The static deflection that moves the generator by 1 along x and not along z, (r,)."""
-    small = system.model
-    generator = small.selection[:2]
-    shapes = np.linalg.solve(small.K, generator.T)
-    return shapes @ np.linalg.solve(generator @ shapes, [1.0, 0.0])
-
-
 def starts(system: Split, orbit: PeriodicOrbit, displacement: NDArray,
            velocity: NDArray) -> NDArray:
     """States off an orbit at phase 0 by every pair of displacement (m) and velocity (m/s) along x,
     in the shape of the static deflection under the pull, (2r, velocities · displacements).
     """
-    shape, (v, d) = push_shapes(system), np.meshgrid(velocity, displacement, indexing="ij")
+    shape = deflection(system.model, (1.0, 0.0))
+    v, d = np.meshgrid(velocity, displacement, indexing="ij")
     return system.state(orbit)[:, None] + np.vstack([np.outer(shape, d), np.outer(shape, v)])
 
 

@@ -360,9 +360,8 @@ def _normals(z: NDArray) -> NDArray:
     return along / np.linalg.norm(along, axis=1)[:, None]
 
 
-def _correct_together(batch: Batch, old: NDArray, normals: NDArray, offset: NDArray, unit: NDArray,
-                      tolerance: float = 1e-9,
-                      max_steps: int = 6) -> tuple[NDArray, NDArray, NDArray] | None:
+def _correct_together(batch: Batch, old: NDArray, normals: NDArray, offset: NDArray,
+                      unit: NDArray) -> tuple[NDArray, NDArray, NDArray] | None:
     """Points on the new branch (P, n + 1), their unit tangents and residuals; None if one does not
     settle.
 
@@ -373,7 +372,7 @@ def _correct_together(batch: Batch, old: NDArray, normals: NDArray, offset: NDAr
     bordered[:, n] = normals
     right = np.zeros((points, n + 1, 2))
     right[:, n, 1] = 1.0
-    for _ in range(max_steps):
+    for _ in range(6):
         residual, bordered[:, :n, :n], pull = batch.linearise(z[:, :n], z[:, n:] * unit)
         # to move the stator is to move the mean the other way, for the pull alone
         bordered[:, :n, n] = pull[:, :, 0] * offset[0] + pull[:, :, n // 2] * offset[1]
@@ -383,7 +382,7 @@ def _correct_together(batch: Batch, old: NDArray, normals: NDArray, offset: NDAr
             return None
         answer = np.linalg.solve(bordered, right)
         size = np.linalg.norm(residual, axis=1)
-        if size.max() < tolerance:
+        if size.max() < 1e-9:
             tangents = answer[:, :, 1]
             return z, tangents / np.linalg.norm(tangents, axis=1)[:, None], size
         z -= answer[:, :, 0]

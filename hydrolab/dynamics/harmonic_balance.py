@@ -339,9 +339,9 @@ class HarmonicBalance:
         """Run the solver on condensed equations from unknowns y; the stator is at `centre` (m)."""
         return self.solver(lambda y: eq.linearise(y, centre), y)
 
-    def _walk(self, eq: Condensed, centre: NDArray, steps: int = 20) -> Solution:
+    def _walk(self, eq: Condensed, centre: NDArray) -> Solution:
         """Reach a steady state by raising the pull to its full strength, then the offset."""
-        shares = np.linspace(0, 1, steps + 1)[1:]
+        shares = np.linspace(0, 1, 21)[1:]
         # the linear machine does not change with the field
         stages = [(replace(eq, model=eq.model.with_field(s)), 0 * centre) for s in shares]
         stages += [(eq, s * centre) for s in shares]

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from hydrolab.dynamics.harmonic_balance import condense
-from hydrolab.dynamics.reduction import reduce
+from hydrolab.dynamics.reduction import deflection, reduce
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory, contact_sentence
 from hydrolab.errors import BadInput, NoConvergence
 from hydrolab.machine.model import Model
@@ -420,7 +420,8 @@ def integrate(model: Model, method: Integrator, *, speed: float, static_eccentri
     task = Task(small, speed, centre, ramp * period, lead)
     state = _first_state(model, small, speed, start)
     if any(disturbance):
-        state = state + _displaced(small, disturbance)
+        # in the shape of the static deflection under a push
+        state = state + [deflection(small, disturbance), np.zeros(small.size)]
     first = (np.array([begin]), (small.selection @ state[0])[:, None], state)
     blocks, stopped, interrupted = _moved(task, method, first, revolutions, progress)
     times, paths, states = zip(*blocks, strict=True)
@@ -441,13 +442,6 @@ def on_basis(model: Model, modes: int | None, speed: float) -> Model:
         raise BadInput(f"{model.name} has a DOF without mass, which cannot be integrated in time; "
                        "give the shaft a density above 0.")
     return small
-
-
-def _displaced(model: Model, by: tuple[float, float]) -> NDArray:
-    """The state in which the static deflection under a push has moved the generator so far, m."""
-    generator = model.selection[:2]
-    static = np.linalg.solve(model.K, generator.T)
-    return np.array([static @ np.linalg.solve(generator @ static, by), np.zeros(model.size)])
 
 
 def _moved(task: Task, method: Integrator, first: Block, revolutions: int,

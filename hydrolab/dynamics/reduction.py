@@ -116,6 +116,13 @@ def _missing(model: Model, small: Model, speed: float, highest: float,
     return np.hstack([columns.real, columns.imag])
 
 
+def deflection(model: Model, by: tuple[float, float]) -> NDArray:
+    """The static deflection of all DOFs under a force that moves the generator `by` (x, z), m."""
+    generator = model.selection[:2]
+    static = np.linalg.solve(model.K, generator.T)
+    return static @ np.linalg.solve(generator @ static, by)
+
+
 def truncation_error(model: Model, reduced: Model, speed: float, harmonics: int = 4) -> float:
     """Largest relative error of the reduced model's answer to a force at the generator, 0X to mX.
 

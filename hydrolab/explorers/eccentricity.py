@@ -18,13 +18,13 @@ from hydrolab.figures.drawing import (
     REVOLUTION,
     UM,
     contact_line,
-    draw_axis,
+    gap_plane,
     narrowest,
     round_up,
 )
 from hydrolab.figures.readings import orbit_reading, percent
 from hydrolab.figures.rotor import draw_bearings, rotor_stations
-from hydrolab.figures.style import COLOURS, new_figure, plane
+from hydrolab.figures.style import COLOURS, new_figure
 from hydrolab.machine import Machine, load_machine
 
 COARSE = REVOLUTION[::4]  # phases at which a moving orbit is drawn
@@ -74,9 +74,7 @@ class EccentricityView(View):
 
     def _draw_plane(self, axes: Axes) -> None:
         gap = MM * self.gap
-        plane(axes, "Rotor centre in its gap")
-        draw_axis(axes)
-        axes.set(adjustable="box", xlim=(-1.12 * gap, 1.12 * gap), ylim=(-1.12 * gap, 1.12 * gap))
+        gap_plane(axes, "Rotor centre in its gap", self.gap)
         self.circle = self.line(axes, color=COLOURS["stator"], linewidth=3.5)
         self.stator = self.line(axes, "x", color=COLOURS["stator"], markersize=8, markeredgewidth=2)
         self.path = self.line(axes, color=COLOURS["rotor"], linewidth=2)

@@ -130,14 +130,13 @@ class Legs:
         return {word: tuple(np.concatenate(column) for column in zip(*found, strict=True))
                 for word, found in pieces.items()}
 
-    def dense(self, number: Number, per_leg: int = 300) -> tuple[NDArray, NDArray, NDArray]:
-        """Eccentricity (%), `number` and the leg (1 is the first), at per_leg points of each leg.
-        """
+    def dense(self, number: Number) -> tuple[NDArray, NDArray, NDArray]:
+        """Eccentricity (%), `number` and the leg (1 is the first), at 300 points of each leg."""
         smooth = curve(self.branch)
         ends = np.concatenate([[0.0], smooth.at_folds, smooth.at_points[-1:]])
-        place = np.concatenate([np.linspace(*ends[i:i + 2], per_leg) for i in range(len(self.all))])
+        place = np.concatenate([np.linspace(*ends[i:i + 2], 300) for i in range(len(self.all))])
         eccentricity, local = smooth(place)
-        legs = np.repeat(np.arange(len(self.all)) + 1, per_leg)
+        legs = np.repeat(np.arange(len(self.all)) + 1, 300)
         return 100 * eccentricity, number(eccentricity, local), legs
 
     def at_folds(self) -> list[PeriodicOrbit]:

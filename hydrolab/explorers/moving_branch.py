@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import chain
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.following import update_branch
 from hydrolab.dynamics.harmonics import synthesise
 from hydrolab.dynamics.results import PeriodicOrbit, clearances
 from hydrolab.dynamics.stability import floquet_all
-from hydrolab.errors import BadInput, Contact, NoConvergence
-from hydrolab.explorers.eccentricity import COARSE, FADED, FEW
+from hydrolab.explorers.eccentricity import COARSE, FEW
 from hydrolab.explorers.legs import Legs, Number, guide_of, legs_of
-from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, slider
+from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, at_work, slider
 from hydrolab.figures.drawing import MM, draw_axis, nearest, round_up
 from hydrolab.figures.readings import listed, percent
-from hydrolab.figures.style import COLOURS, LINES, house_style, new_figure, plane
+from hydrolab.figures.style import COLOURS, LINES, new_figure, plane
 from hydrolab.machine import Machine, load_machine, vary
 
 WORDS = ("stable", "unstable", "unknown")
@@ -35,7 +31,6 @@ class BranchView(View):
 
     Call it with an eccentricity (%) and values of some of `numbers`. The points of the last branch
     are moved to the new one; stability is a quick look, so a point in doubt is dotted.
-    Where there is no branch it says so and leaves the last one in grey.
 
     numbers: by name, the key that `vary` takes, its value on the card, and that as it is shown.
     """
@@ -52,9 +47,10 @@ class BranchView(View):
         self._size = 0.0
         self._draw()
 
-    @house_style()
+    @at_work()
     def _draw(self) -> None:
         figure = new_figure(11.4, 5.7)
+        self.kept = KeptFigure(figure)
         grid = figure.add_gridspec(2, 2, width_ratios=(1.1, 1))
         self.axes = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
         self.plane = figure.add_subplot(grid[:, 1])
@@ -62,13 +58,13 @@ class BranchView(View):
         first.set(title="1X in x, µm (0-to-peak)")
         gaps.set(title="Smallest gap, mm", xlabel="static eccentricity, %",
                  ylim=(0, 1.05 * MM * self.gap))
-        self.lines = {word: [axes.plot([], [], LINES[word], color=COLOURS[word], label=word)[0]
+        self.lines = {word: [self.line(axes, LINES[word], color=COLOURS[word], label=word)
                              for axes in self.axes] for word in WORDS}
-        self.folds = [axes.plot([], [], "D", color=COLOURS["fold"], markersize=6)[0]
+        self.folds = [self.line(axes, "D", color=COLOURS["fold"], markersize=6)
                       for axes in self.axes]
-        self.cursors = [axes.axvline(0, color=COLOURS["axis"], linewidth=1) for axes in self.axes]
-        self.dots = [axes.plot([], [], "o", color=COLOURS["rotor"], markersize=8,
-                               markeredgecolor="white")[0] for axes in self.axes]
+        self.cursors = [self.upright(axes) for axes in self.axes]
+        self.dots = [self.line(axes, "o", color=COLOURS["rotor"], markersize=8,
+                               markeredgecolor="white") for axes in self.axes]
         for axes, number in zip(self.axes, self._numbers(self.card), strict=True):
             for i, line in enumerate(self.card.lines(number).values()):
                 axes.plot(*line, color="#D0D0D0", linewidth=5, zorder=1,
@@ -76,21 +72,20 @@ class BranchView(View):
         # below both diagrams, where it covers no fold
         figure.legend(*first.get_legend_handles_labels(), loc="outside lower left", ncols=4,
                       fontsize=11)
-        moving = [*chain(*self.lines.values()), *self.folds, *self.cursors, *self.dots]
-        self.kept = KeptFigure(figure, [*moving, *self._draw_plane(self.plane)])
+        self._draw_plane(self.plane)
         self._limits(self.card, 0.0)
 
-    def _draw_plane(self, axes: Axes) -> list[Artist]:
+    def _draw_plane(self, axes: Axes) -> None:
         plane(axes, "Orbits at the generator (numbers: smallest gap)")
         draw_axis(axes)
-        self.orbits = [axes.plot([], [])[0] for _ in range(SEVERAL)]
+        self.orbits = [self.line(axes) for _ in range(SEVERAL)]
         self.names = [axes.annotate("", (0.98, 0.97 - 0.06 * i), xycoords="axes fraction",
                                     ha="right", va="top", fontsize=13) for i in range(SEVERAL)]
-        self.stator, = axes.plot([], [], "x", color=COLOURS["stator"], markersize=8,
-                                 markeredgewidth=2)
+        self.stator = self.line(axes, "x", color=COLOURS["stator"], markersize=8,
+                                markeredgewidth=2)
         self.none = axes.annotate("", (0.5, 0.04), xycoords="axes fraction", ha="center",
                                   fontsize=14, color=COLOURS["unstable"])
-        return [*self.orbits, *self.names, self.stator, self.none]
+        self.kept.moves(*self.names, self.none)
 
     def _numbers(self, legs: Legs) -> tuple[Number, Number]:
         """What the diagrams draw of a branch: 1X along the eccentricity, µm; smallest gap, mm."""
@@ -123,12 +118,7 @@ class BranchView(View):
         ratios = {name: ratio for name, ratio in ratios.items() if abs(ratio - 1) > 1e-9}
         for cursor in self.cursors:
             cursor.set_xdata([eccentricity, eccentricity])
-        with threadpool_limits(1):
-            try:
-                orbits, verdicts = self._solve(eccentricity / 100, ratios)
-            except (NoConvergence, Contact, BadInput) as error:
-                self._fade()
-                return f"No branch here; the last one is left in grey. {error}"
+        orbits, verdicts = self._solve(eccentricity / 100, ratios)
         self._show_branch(eccentricity)
         self._show_orbits(orbits, verdicts)
         folds = [percent(fold.value, 4) for fold in self.legs.branch.folds]
@@ -169,17 +159,7 @@ class BranchView(View):
             found = self.legs.lines(number)
             for word in WORDS:
                 self.lines[word][which].set_data(*found.get(word, ([], [])))
-                self.lines[word][which].set_color(COLOURS[word])
         self._mark(self.folds, self.legs.at_folds())
-
-    def _fade(self) -> None:
-        for artist in chain(*self.lines.values(), self.orbits):
-            artist.set_color(FADED)
-        for name in self.names:
-            name.set_text("")
-        for dots in self.dots:
-            dots.set_data([], [])
-        self.none.set_text("no branch to be found")
 
     def _show_orbits(self, orbits: list[PeriodicOrbit], verdicts: list[str]) -> None:
         for line, name in zip(self.orbits, self.names, strict=True):

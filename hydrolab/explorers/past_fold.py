@@ -7,15 +7,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from hydrolab.dynamics.integrate import CentralDifference, integrate
 from hydrolab.dynamics.results import PeriodicOrbit, Trajectory
 from hydrolab.explorers.legs import STEP, Diagram, legs_of
-from hydrolab.explorers.widget import FigureExplorer, KeptFigure, View, slider
-from hydrolab.figures.drawing import MM, REVOLUTION, contact_line, draw_axis
+from hydrolab.explorers.widget import FigureExplorer, View, at_work, slider
+from hydrolab.figures.drawing import MM, REVOLUTION, contact_line, gap_plane
 from hydrolab.figures.readings import percent
-from hydrolab.figures.style import COLOURS, LINES, PURPLE, house_style, new_figure, plane
+from hydrolab.figures.style import COLOURS, LINES, PURPLE
 from hydrolab.machine import Machine, load_machine
 from hydrolab.paper.study import stable_steps
 
@@ -37,29 +36,24 @@ class PastFoldView(View):
     no leg it is integrated on, in steps of 0.01 %: with 0.05 % the steps decide where it ends.
     """
 
-    @house_style()
+    @at_work()
     def __init__(self, machine: Machine) -> None:
         self.legs, self.model, self.speed = legs_of(machine), machine.model(), machine.speed
         self.contact = contact_line(self.model)
         self.method = CentralDifference(stable_steps(self.model, self.speed))
-        figure = new_figure(11.4, 5.5)
-        left, right = figure.subplots(1, 2, width_ratios=(1, 1.1))
-        plane(left, "The orbits in the gap")
-        draw_axis(left)
-        reach = 1.12 * MM * self.model.gap
-        left.set(adjustable="box", xlim=(-reach, reach), ylim=(-reach, reach))
-        self.circle, = left.plot([], [], color=COLOURS["stator"], linewidth=3.5)
-        self.orbits = [left.plot([], [])[0] for _ in range(SEVERAL)]
-        self.motion, = left.plot([], [], color=PURPLE, linewidth=1.2)
+        left, right = self.panels(11.4, 5.5, 2, width_ratios=(1, 1.1))
+        gap_plane(left, "The orbits in the gap", self.model.gap)
+        self.circle = self.line(left, color=COLOURS["stator"], linewidth=3.5)
+        self.orbits = [self.line(left) for _ in range(SEVERAL)]
+        self.motion = self.line(left, color=PURPLE, linewidth=1.2)
         self.words = left.annotate("", (0.5, 0.86), xycoords="axes fraction", ha="center",
                                    fontsize=14)
         self.diagram = Diagram(right, self.legs)
-        self.dots, = right.plot([], [], "o", color=COLOURS["axis"], markersize=7, linestyle="none")
-        self.jumps, = right.plot([], [], color=PURPLE, linewidth=2, marker=".")
-        self.here, = right.plot([], [], "o", color=COLOURS["rotor"], markersize=15,
-                                fillstyle="none", markeredgewidth=3)
-        self.kept = KeptFigure(figure, [self.circle, *self.orbits, self.motion, self.words,
-                                        self.diagram.cursor, self.dots, self.jumps, self.here])
+        self.kept.moves(self.words, self.diagram.cursor)
+        self.dots = self.line(right, "o", color=COLOURS["axis"], markersize=7)
+        self.jumps = self.line(right, color=PURPLE, linewidth=2, marker=".")
+        self.here = self.line(right, "o", color=COLOURS["rotor"], markersize=15, fillstyle="none",
+                              markeredgewidth=3)
         self.begin()
 
     def begin(self) -> None:
@@ -71,10 +65,9 @@ class PastFoldView(View):
 
     def __call__(self, eccentricity: float) -> str:
         """Bring the machine slowly to an eccentricity (%) and show all there is there."""
-        with threadpool_limits(1):
-            self._bring(eccentricity / 100)
-            there = [(number, orbit) for number in range(len(self.legs.all))
-                     if (orbit := self.legs.orbit(eccentricity / 100, number)) is not None]
+        self._bring(eccentricity / 100)
+        there = [(number, orbit) for number in range(len(self.legs.all))
+                 if (orbit := self.legs.orbit(eccentricity / 100, number)) is not None]
         self._show(eccentricity, there)
         states = [f"leg {number + 1} {self.legs.verdict(eccentricity / 100, number)}, smallest gap "
                   f"{MM * orbit.smallest_gap:.2f} mm" for number, orbit in there]

@@ -94,6 +94,14 @@ def draw_gap(axes: Axes, centre: NDArray, model: Model, *, label: bool = True) -
     draw_axis(axes, words[2])
 
 
+def gap_plane(axes: Axes, title: str, gap: float) -> None:
+    """A plane with a title, the bearing axis and the limits of a whole gap, m, about it."""
+    plane(axes, title)
+    draw_axis(axes)
+    reach = 1.12 * MM * gap
+    axes.set(adjustable="box", xlim=(-reach, reach), ylim=(-reach, reach))
+
+
 def draw_axis(axes: Axes, label: str = "") -> None:
     """The bearing axis, where the rotor rests without any force."""
     axes.plot(0, 0, "+", color=COLOURS["axis"], markersize=11, markeredgewidth=1.6, label=label)
@@ -146,20 +154,15 @@ def frame(axes: Axes, points: ArrayLike, margin: float = 0.12) -> None:
     axes.set_ylim(z.min() - pad, z.max() + pad, auto=None)
 
 
-def frame_gap(axes: Axes, centre: NDArray, gap: float) -> None:
-    """Set the limits around the gap about its centre, m, and put the legend where there is room."""
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="center", bbox_to_anchor=tuple(MM * (centre - [0, 0.5 * gap])),
-                    bbox_transform=axes.transData, handlelength=1.5)
-    frame(axes, centre[:, None] + gap * np.array([[-1.0, 1.0], [-1.0, 1.0]]), 0.04)
-
-
 def draw_place(axes: Axes, orbit: PeriodicOrbit, colour: Any) -> None:
-    """Where an orbit lies in its whole gap."""
+    """Where an orbit lies in its whole gap, with the legend where the circle leaves room."""
     plane(axes, "Where it lies in the gap")
-    draw_gap(axes, orbit.centre, orbit.model)
+    centre, gap = orbit.centre, orbit.model.gap
+    draw_gap(axes, centre, orbit.model)
     draw_orbit(axes, orbit.positions(orbit.revolutions * REVOLUTION), colour, sense=False)
-    frame_gap(axes, orbit.centre, orbit.model.gap)
+    axes.legend(loc="center", bbox_to_anchor=tuple(MM * (centre - [0, 0.5 * gap])),
+                bbox_transform=axes.transData, handlelength=1.5)
+    frame(axes, centre[:, None] + gap * np.array([[-1.0, 1.0], [-1.0, 1.0]]), 0.04)
 
 
 def round_up(value: float) -> float:

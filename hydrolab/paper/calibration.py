@@ -179,12 +179,12 @@ def unbalance_scale(model: Model, speed: float, amplitude: float, *, with_field:
     return float(abs(d - radial) * amplitude / abs(d * linear))
 
 
-def first_fold(model: Model, speed: float = SPEED) -> float:
-    """First fold of a model at a speed (rad/s) along the static eccentricity, fraction of the gap;
-    0 if there is no steady state to begin with, nan if there is no fold up to contact.
+def first_fold(model: Model) -> float:
+    """First fold of a model along the static eccentricity at 150 rpm, fraction of the gap; 0 if
+    there is no steady state to begin with, nan if there is no fold up to contact.
     """
     try:
-        branch = follow(model, speed=speed, to=0.5, method=Arclength(max_folds=1, tail=0))
+        branch = follow(model, speed=SPEED, to=0.5, method=Arclength(max_folds=1, tail=0))
     except (NoConvergence, Contact):
         return 0.0
     return branch.folds[0].value if branch.folds else math.nan

@@ -44,9 +44,9 @@ class Claim:
 Told = tuple[str, str, str, Any]  # claim, criterion, what was measured, and whether it holds
 
 
-def _first(orbit: PeriodicOrbit, harmonic: int = 1, coordinate: int = 0) -> float:
-    """Amplitude of a harmonic along (0) or across (1) the eccentricity, m."""
-    return float(orbit.amplitudes[coordinate, harmonic - 1])
+def _first(orbit: PeriodicOrbit, harmonic: int = 1) -> float:
+    """Amplitude of a harmonic along the eccentricity, m."""
+    return float(orbit.amplitudes[0, harmonic - 1])
 
 
 def _agreement(study: Study) -> Told:
