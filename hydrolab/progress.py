@@ -21,9 +21,7 @@ from rich.progress import (
 
 @contextmanager
 def progress_bars(console: Console | None = None) -> Iterator[Callable[[str, int, int], None]]:
-    """A callback (what, done, all) that draws one bar for each kind of work; the bars go when the
-    work is done.
-    """
+    """A callback (what, done, all) that draws a bar for each kind of work while it lasts."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
                TimeElapsedColumn())
     threads = sys.platform != "emscripten"  # a browser's Python has none to draw from

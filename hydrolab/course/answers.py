@@ -29,9 +29,7 @@ UNITS: Sequence[Mapping[str, float]] = tuple(MappingProxyType(kind) for kind in 
 
 
 def other_units(unit: str) -> dict[str, float]:
-    """The units one may mistake for `unit`, each with the factor from a value in `unit` to the same
-    value in it.
-    """
+    """The units one may mistake for `unit`, each with its factor on a value in `unit`."""
     kind = next((kind for kind in UNITS if unit in kind), {})
     return {other: factor / kind[unit] for other, factor in kind.items() if other != unit}
 

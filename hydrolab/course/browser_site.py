@@ -176,10 +176,7 @@ def _jupyterlite(work: Path, contents: Path, made: Path) -> None:
 
 
 def _distribution(core: Path, target: Path, scenes: str, *, public: bool) -> None:
-    """Write the distribution that the kernel starts from: core, packages, and their lock file.
-
-    scenes: what is recorded, as JSON.
-    """
+    """Write the distribution that the kernel starts from; scenes: what is recorded, as JSON."""
     target.mkdir()
     for name in CORE:
         shutil.copyfile(core / name, target / name)
@@ -273,9 +270,7 @@ def _empty_wheel(wheel: Path, mode: str = "w") -> Path:
 
 
 def _wheel_of(name: str, target: Path) -> Path:
-    """A wheel of an installed package in Python alone: without tests, and without what a compiled
-    copy of a module lies beside.
-    """
+    """A wheel of an installed package in Python alone, without tests and compiled copies."""
     package = importlib.metadata.distribution(name)
     wheel = target / f"{name.replace('-', '_')}-{package.version}-py3-none-any.whl"
     with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -303,9 +298,7 @@ def _wheel_of_hydrolab(target: Path, more: Mapping[str, str]) -> Path:
 
 
 def _font_list(wheel: Path) -> str:
-    """The list that a wheel of Matplotlib would make of its own fonts at the first picture, where
-    Pyodide's looks for it.
-    """
+    """The list that a wheel of Matplotlib would make of its own fonts at the first picture."""
     import matplotlib.font_manager as here
     with zipfile.ZipFile(wheel) as archive:
         source = archive.read("matplotlib/font_manager.py").decode()
@@ -319,9 +312,7 @@ def _font_list(wheel: Path) -> str:
 
 
 def _configure(made: Path, first: str, *, public: bool) -> None:
-    """Tell the site's kernel where its distribution is and what to start with, and begin on a
-    chapter; where packages are public, the page says so.
-    """
+    """Tell the kernel where its distribution is and what to start with; begin on a chapter."""
     packages = [*KERNEL, *COURSE, "anywidget", "sympy"]
     kernel = {"pyodideUrl": "./pyodide/pyodide.js", "disablePyPIFallback": True,
               "loadPyodideOptions": {

@@ -19,9 +19,7 @@ UNANSWERED = "not answered yet. Put your answer in place of ... and run this cel
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a check found: "unanswered", "type", "shape", "unit", "mistake", "wrong", "right" or
-    "open", in words too.
-    """
+    """Found: unanswered, type, shape, unit, mistake, wrong, right or open; said: in words."""
 
     found: str
     said: str
@@ -65,9 +63,7 @@ def _accepted(asked: Exercise, answer: Any, right: Any) -> bool:
 
 
 def _diagnosis(asked: Exercise, right: Any, answer: Any) -> Verdict:
-    """What to say to a wrong answer: the hint of the mistake that it is; where two mistakes lead
-    there, both, for then nobody knows.
-    """
+    """What to say to a wrong answer: the hints of at most two mistakes that lead there."""
     found, hints = "", []
     seen: list[list[Any]] = []  # what the mistakes so far have led to: the first name stays
     for kind, hint, see, wrong in _mistakes(asked, right):
@@ -85,9 +81,7 @@ def _diagnosis(asked: Exercise, right: Any, answer: Any) -> Verdict:
 
 
 def _mistakes(asked: Exercise, right: Any) -> Iterator[tuple[str, str, str, list[Any]]]:
-    """Every mistake with a name, the exercise's own first: its kind, hint, place to read again, and
-    what it leads to.
-    """
+    """Every mistake with a name, the exercise's own first: kind, hint, place to read, result."""
     theirs = _values(asked, right, right)
     for mistake in asked.mistakes:
         yield ("mistake", mistake.hint, mistake.see or asked.see,
@@ -192,9 +186,7 @@ def _word(text: str) -> str:
 
 
 def _values(asked: Exercise, answer: Any, like: Any = None) -> list[Any]:
-    """What is compared of an answer, in a row: numbers and words; of a dictionary in the order of
-    the keys of one `like` it.
-    """
+    """What is compared of an answer: numbers and words, a dictionary's in the order of `like`."""
     if asked.measure is not None:
         answer = asked.measure(answer)
     if isinstance(like, Mapping):

@@ -50,9 +50,7 @@ class Mark:
 
 
 def value_of(node: ast.expr, known: dict[str, Any]) -> Any:
-    """The value of an expression (node) in the limited form, with names that are known; raises
-    Unreadable for any other.
-    """
+    """The value of an expression (node) in the limited form with known names; else Unreadable."""
     if isinstance(node, ast.Constant):
         return node.value
     if isinstance(node, ast.List | ast.Tuple):

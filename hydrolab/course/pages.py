@@ -129,9 +129,7 @@ def with_scenes(text: str, readings: Mapping[str, str]) -> str:
 
 
 def linked(text: str, places: Mapping[str, str]) -> str:
-    """Markdown text with an anchor at each numbered equation, and a link wherever one is named;
-    places: the page of each.
-    """
+    """Markdown text with equations anchored, and linked where named; places: the page of each."""
     text = DISPLAY.sub(lambda found: f'<span id="{anchor(found[1])}"></span>\n\n{found[0]}', text)
 
     def link(found: re.Match[str]) -> str:

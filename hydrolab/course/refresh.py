@@ -141,9 +141,7 @@ def _environment() -> dict[str, str]:
 
 
 def problems(notebook: Notebook) -> Iterator[str]:
-    """What no stored notebook may hold: an error that its cell does not expect, words on stderr, a
-    cell not run.
-    """
+    """What no stored notebook may hold: an unexpected error, words on stderr, a cell not run."""
     for number, cell in enumerate(notebook["cells"], 1):
         if cell["cell_type"] != "code":
             continue

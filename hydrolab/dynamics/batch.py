@@ -179,9 +179,7 @@ def newton_batch(batch: Batch, y: NDArray, centre: NDArray,
 
 def _halved(part: Batch, y: NDArray, step: NDArray, centre: NDArray,
             size: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Unknowns after the longest of the steps, halved up to 11 times, that reduces each residual;
-    with residuals, Jacobians and their sizes there. Where none does, the unknowns are as they were.
-    """
+    """Unknowns after the longest steps that reduce residuals; these, Jacobians and sizes."""
     share = np.ones(len(y))
     trial = y - step
     r, jacobian, _ = part.linearise(trial, centre)

@@ -170,16 +170,12 @@ class Branch:
 
     @property
     def coefficients(self) -> NDArray:
-        """[mean, sin 1, cos 1, …] of the generator centre at every point, m, shape (points, 2, 2m +
-        1).
-        """
+        """[mean, sin 1, cos 1, …] of the generator centre, m, (points, 2, 2m + 1)."""
         return self.local[:, :2]
 
     @cached_property
     def smallest_gaps(self) -> NDArray:
-        """Smallest air gap over the period and the circumference at every point, m, shape
-        (points,).
-        """
+        """Smallest air gap over the period and the circumference at every point, m, (points,)."""
         if self.parameter in ("static_eccentricity", "direction"):
             eq, many = self.equations, range(0, len(self), 16)  # at once: laws may need the memory
             return np.concatenate([clearances(eq, self.local[i:i + 16], self.centres[i:i + 16])
@@ -258,9 +254,7 @@ def branch_stability(branch: Branch, modes: int = MODES, steps: int = STEPS, *,
 
 
 def _locate(branch: Branch, i: int, places: range, modes: int) -> list[SpecialPoint]:
-    """Where between rows i and i + 1 the multipliers at these places, by size, cross the unit
-    circle away from a fold.
-    """
+    """Where between rows i and i + 1 the multipliers at places, by size, cross the unit circle."""
     scale, system = branch.path.scale, branch.path.system()
     first, last = (np.append(branch.unknowns[j], branch.values[j] / scale) for j in (i, i + 1))
     length = float(np.linalg.norm(last - first))

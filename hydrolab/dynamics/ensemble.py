@@ -217,9 +217,7 @@ def turn(system: Split, states: NDArray, course: Course, first: float, steps: in
 
 def _linear_path(system: Split, base: Setting, rows: NDArray,
                  phases: NDArray) -> Callable[[int], NDArray]:
-    """Some rows of the linear response at the n-th of some phases, (rows, members), the generator's
-    (x, z) from the stator's centre.
-    """
+    """Rows of the linear response at the n-th phase, (rows, members), (x, z) from the stator."""
     wave = np.outer(np.exp(1j * phases), rows @ system.turning).real
     rest, loaded = rows @ system.static @ base.centre, rows @ system.under_loads(phases)
     rest[:2] -= base.centre
@@ -373,9 +371,7 @@ CLOSE = 0.02  # of the gap: how near an orbit a motion must end to count as havi
 
 
 def reached(system: Split, states: NDArray, orbits: Sequence[PeriodicOrbit]) -> NDArray:
-    """Which orbit each of many states at phase 0 is on, to `CLOSE`; CONTACT where it is nan, OTHER
-    for none; (members,).
-    """
+    """The orbit that each of the states at phase 0 is on, to `CLOSE`, CONTACT if nan, or OTHER."""
     small, speed = system.model, system.speed
     look = np.vstack([system.watch[:2], system.watch_rate[:2] / speed]) / small.gap
     ends, nearest = np.full(states.shape[1], OTHER), np.full(states.shape[1], CLOSE)

@@ -45,9 +45,7 @@ class Equilibrium:
         return bool(np.linalg.eigvalsh((stiffness + stiffness.T) / 2)[0] > 0)
 
     def eigenvalues(self, speed: float) -> NDArray:
-        """Eigenvalues λ, 1/s, of small motions e^{λt} about it at a speed (rad/s), largest real
-        part first, (2n,).
-        """
+        """Eigenvalues λ, 1/s, of small motions e^{λt} at a speed (rad/s), by falling real part."""
         m = self.model
         n, inverse = m.size, np.linalg.inv(m.M)
         values = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)],

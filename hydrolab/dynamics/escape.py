@@ -206,9 +206,7 @@ class Integrity:
         return np.where(self.ends == 0, np.inf, away).min(axis=(1, 2))
 
     def falls_to(self, share: float) -> float:
-        """The value at which `safe` first falls to this share, by straight lines; nan if it does
-        not.
-        """
+        """The value at which `safe` first falls to a share, by straight lines; nan: it does not."""
         below = np.flatnonzero(self.safe < share)
         if not len(below) or not below[0]:
             return math.nan

@@ -70,9 +70,7 @@ def _cut(branch: Branch, rows: int, stopped: str) -> Branch:
 
 
 def _balanced(branch: Branch) -> Branch:
-    """The branch up to the first point where the forces do not balance or do not repeat; the first
-    is a solution.
-    """
+    """The branch up to the first point where the forces do not balance or do not repeat."""
     problem = branch.path.at(branch.values[0])
     least = problem.equations.small(branch.unknowns[0], problem.centre)
     doubtful = (branch.residuals > least) | problem.equations.model.law.moving
@@ -246,9 +244,7 @@ def _reason(along: Path, steps: list[Step], to: float, method: Arclength, closed
 
 
 def _refusal(along: Path, last: Step, method: Arclength) -> str:
-    """What a machine says to the parameter a step ahead, where it is not known: past the end of a
-    bearing's table, at a speed below zero.
-    """
+    """What a machine says to the parameter a step ahead, as past the end of a bearing's table."""
     ahead = last.parameter + math.copysign(method.step, last.tangent[-1])
     try:
         along.at(ahead * along.scale)
@@ -391,9 +387,7 @@ def _correct_together(batch: Batch, old: NDArray, normals: NDArray, offset: NDAr
 
 def _same_shape(branch: Branch, old: NDArray, z: NDArray, tangents: NDArray,
                 turns: NDArray) -> bool:
-    """Whether the moved points still draw the same curve: in order, evenly spaced, with as many
-    folds.
-    """
+    """Whether the moved points draw the same curve: in order, evenly spaced, with as many folds."""
     before, after = np.diff(old, axis=0), np.diff(z, axis=0)
     stretch = np.linalg.norm(after, axis=1) / np.linalg.norm(before, axis=1)
     same_way = np.sign(np.einsum("pi,pi->p", before, after))

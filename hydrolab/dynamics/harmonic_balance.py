@@ -147,9 +147,7 @@ class Condensed:
 
 
     def require_repeat(self, y: NDArray, centre: NDArray) -> None:
-        """Raise BadInput where the forces, or their slopes, at places of a motion differ a period
-        later.
-        """
+        """Raise BadInput where forces or slopes at places of a motion differ a period later."""
         law, q, few = self.model.law, self.revolutions, slice(None, None, 8)
         if not law.moving:
             return
@@ -183,9 +181,7 @@ def dynamic_stiffness(model: Model, w: float, speed: float) -> NDArray:
 
 
 def in_sines(stiffness: NDArray) -> NDArray:
-    """Complex c × c stiffnesses of the harmonics 0 … m as the real matrix on [mean, sin 1, cos 1,
-    …] of x, then z, …
-    """
+    """Complex stiffness by harmonic as the real one on [mean, sin 1, cos 1, …] of x, then z …"""
     columns, count = 2 * len(stiffness) - 1, stiffness.shape[1]
     real = np.zeros((count, columns, count, columns))
     real[:, 0, :, 0] = stiffness[0].real

@@ -502,10 +502,7 @@ def _projected(model: Model, small: Model, state: NDArray) -> NDArray:
 
 
 def _require_same(model: Model, other: Model) -> None:
-    """Raise BadInput where the DOFs of two models do not mean the same motion of the same masses.
-
-    Field, unbalance and speed may differ; on a modal basis the stiffness, which shapes it, may not.
-    """
+    """Raise BadInput where the DOFs of two models are not those of the same masses on one basis."""
     for name in ("M", "shaft_map", "selection"):
         own, its = getattr(model, name), getattr(other, name)
         if own.shape != its.shape or not np.allclose(own, its, rtol=1e-9,

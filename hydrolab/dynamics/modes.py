@@ -279,9 +279,7 @@ def critical_speeds(model: Model, *, pull: bool | PeriodicOrbit = False, order: 
 
 
 def _free(there: Any, n: float) -> tuple[NDArray, NDArray, NDArray]:
-    """Critical speeds of order n of a model whose matrices do not change with the speed, ascending,
-    with their damping ratios and shapes.
-    """
+    """Critical speeds of order n of constant matrices, ascending; damping ratios and shapes."""
     size = len(there.K)
     if not np.linalg.cond(there.K, 1) < 1 / np.finfo(float).eps:
         raise BadInput("the machine can move freely, so it has no critical speeds; give it "
@@ -303,9 +301,7 @@ def _free(there: Any, n: float) -> tuple[NDArray, NDArray, NDArray]:
 
 def _met(free: Callable[[float], tuple[NDArray, NDArray, NDArray]], M: NDArray, low: float,
          high: float) -> tuple[NDArray, NDArray, NDArray]:
-    """Speeds w from low to high at which a critical speed of the machine as it is at w is w itself;
-    returns as `free` does.
-    """
+    """As `free`: speeds w from low to high that are critical for the machine as it is at w."""
     found: list[tuple[float, float, NDArray]] = []
     for start in np.linspace(low, high, 3):
         speeds, ratios, shapes = free(float(start))

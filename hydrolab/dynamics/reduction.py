@@ -89,10 +89,7 @@ def _on(model: Model, basis: NDArray) -> Model:
 
 def _missing(model: Model, small: Model, speed: float, highest: float,
              tolerance: float) -> NDArray:
-    """Answers and free motions of all DOFs that a basis does not have to a tolerance, (n, any).
-
-    highest: frequency of its fastest mode at rest, rad/s.
-    """
+    """Answers and free motions below highest, rad/s, that a basis lacks to tolerance, (n, any)."""
     lacking = [np.empty((model.size, 0))]
     for k in range(HARMONICS + 1):
         exact, own = (np.linalg.solve(dynamic_stiffness(m, k * speed, speed), np.column_stack(

@@ -203,9 +203,7 @@ class PeriodicOrbit:
 
     @property
     def amplitudes(self) -> NDArray:
-        """√(A_k² + B_k²) of x and z for k = 1 … m, m 0-to-peak, shape (2, m); the paper's section
-        5.2.
-        """
+        """√(A_k² + B_k²) of x and z for k = 1 … m, m 0-to-peak, (2, m); the paper's section 5.2."""
         return amplitudes(self.coefficients)
 
     @property
@@ -238,9 +236,7 @@ class PeriodicOrbit:
 
     @cached_property
     def shaft(self) -> NDArray:
-        """[mean, sin 1, cos 1, …] of every DOF, recovered by back-substitution; shape (n, 2m + 1),
-        m or rad.
-        """
+        """[mean, sin 1, cos 1, …] of every DOF, by back-substitution; (n, 2m + 1), m or rad."""
         eq = self.equations
         away = to_complex(self.local - eq.length * eq.linear)
         return from_complex((eq.shaft_linear + np.einsum("knd,dk->kn", eq.recovery, away)).T)

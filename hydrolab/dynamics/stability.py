@@ -110,9 +110,7 @@ def magnus_product(system: Split, coefficients: NDArray, centre: NDArray, steps:
 
 def monodromy(system: Split, coefficients: NDArray, centre: NDArray, steps: int,
               revolutions: int = 1) -> tuple[NDArray, NDArray]:
-    """Monodromy matrices, (P, 2r, 2r), of sixth and of fourth order, from `steps`, twice and four
-    times as many.
-    """
+    """Monodromy matrices, (P, 2r, 2r), of sixth and fourth order, by one, two, four `steps`."""
     # what grows beyond all numbers has no multipliers to speak of
     with np.errstate(over="ignore", invalid="ignore"):
         product = strang_product if pull_alone(system.model) else magnus_product
@@ -124,18 +122,14 @@ def monodromy(system: Split, coefficients: NDArray, centre: NDArray, steps: int,
 
 def multipliers(system: Split, coefficients: NDArray, centre: NDArray, steps: int,
                 revolutions: int = 1) -> tuple[NDArray, NDArray]:
-    """Floquet multipliers, largest first, (P, 2r), and how far they are known, (P,): the change
-    from the lower order.
-    """
+    """Floquet multipliers, largest first, (P, 2r), and their change from the lower order, (P,)."""
     best, good = (eigenvalues(m) for m in monodromy(system, coefficients, centre, steps,
                                                     revolutions))
     return best, moved(best, good)
 
 
 def eigenvalues(matrices: NDArray) -> NDArray:
-    """Eigenvalues of each matrix, largest modulus first; nan where an orbit leaves the gap or its
-    motion all bounds.
-    """
+    """Eigenvalues of each matrix, largest first; nan where an orbit leaves all bounds."""
     values = np.full(matrices.shape[:2], np.nan, dtype=complex)
     inside = np.isfinite(matrices).all(axis=(1, 2))
     values[inside] = np.linalg.eigvals(matrices[inside])
@@ -320,9 +314,7 @@ def _start(eq: Condensed, local: NDArray, centres: NDArray, modes: int,
 
 
 def _believed(d: Disturbance, found: NDArray, known: NDArray) -> list[NDArray]:
-    """The start's exponents, and the poles of the whole machine that its modes do not know, moved
-    by the mean slope to first order, first those that the forces move much; (P, m) each.
-    """
+    """The start's exponents; other poles moved by the mean slope, felt and not, (P, m) each."""
     poles, (slope, damping) = d.linear.poles, d.mean()
     distance = np.abs(poles[:, None] - known[0]) / np.abs(poles)[:, None]
     missing = np.exp(poles.real * 2 * np.pi / d.step) > FADED
@@ -423,9 +415,7 @@ def _largest_first(values: NDArray, more: NDArray) -> tuple[NDArray, NDArray]:
 
 def _with_harmonics(eq: Condensed, local: NDArray, centres: NDArray,
                     factor: int) -> tuple[Condensed, NDArray, NDArray]:
-    """The orbits solved again with `factor` times the harmonics, (P, c, 2m + 1), m, their
-    equations, and which of them converged.
-    """
+    """Equations of `factor` times the harmonics, orbits (P, c, 2m + 1), m, and which converged."""
     factor = min(factor, max(1, ENOUGH // eq.harmonics))
     if factor == 1:
         return eq, local, np.ones(len(local), dtype=bool)

@@ -87,17 +87,13 @@ def branch_off(branch: Branch, point: SpecialPoint, *,
 
 
 def _odd(eq: Condensed) -> NDArray:
-    """Places in the unknowns of the harmonics that change sign from one half of the period to the
-    other.
-    """
+    """Places in the unknowns of the harmonics that change sign in half a period."""
     k = (np.arange(eq.linear.shape[1]) + 1) // 2
     return np.flatnonzero(np.tile(k % 2 == 1, len(eq.linear)))
 
 
 def _from_flip_to_flip(loop: Branch, odd: NDArray, point: SpecialPoint, y: NDArray) -> Branch:
-    """A branch of twice the period with the flip, unknowns y, as its first row, and as its last the
-    flip within its last step, if one is there.
-    """
+    """A branch of twice the period from the flip, unknowns y, to one in its last step, if any."""
     ends = len(loop) > 1 and bool(loop.unknowns[-2, odd] @ loop.unknowns[-1, odd] < 0)
     rows = len(loop) - ends
     values, unknowns = [point.value, *loop.values[:rows]], [y[None], loop.unknowns[:rows]]
@@ -322,9 +318,7 @@ class _Search:
         return f"{starts} starts of Newton's method with these divided out find {new}"
 
     def continued(self) -> str:
-        """Each orbit followed along the field and the unbalance, and those off the first branch
-        along the eccentricity, until none is new.
-        """
+        """Each orbit followed along field, unbalance and eccentricity, until none is new."""
         new, done = 0, 0
         while done < len(self.found):
             orbit = self.found[done]

@@ -265,9 +265,7 @@ class Disturbance:
         return (self.reach() > away) | swayed, swayed
 
     def alone(self, which: NDArray, s: NDArray) -> NDArray:
-        """log det(I − T(s)(J₀ + s B₀)), what a harmonic of frequency s multiplies f by where the
-        forces hold their mean.
-        """
+        """log det(I − T(s)(J₀ + s B₀)): a harmonic s where the forces keep their mean."""
         slope, damping = self.mean()
         force = slope[which]
         if damping is not None:

@@ -29,9 +29,7 @@ def s_curve(y: NDArray, parameter: float) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def pull_in(y: NDArray, parameter: float) -> tuple[NDArray, NDArray, NDArray]:
-    """ε − ε/(κ (1 − ε²)^{3/2}) = e_s, the rotor at rest between springs and pull, with y = 10 ε and
-    10 e_s as the parameter.
-    """
+    """ε − ε/(κ (1 − ε²)^{3/2}) = e_s, a rotor at rest; y = 10 ε, the parameter is 10 e_s."""
     eps = y[0] / TENTHS
     s = 1 - eps**2
     if s <= 0:  # the rotor in the stator

@@ -113,8 +113,7 @@ class PastFoldView(View):
                                   for before, after in zip(old, new, strict=True)))
 
     def _go_on(self, start: PeriodicOrbit | Trajectory, value: float, why: str = "") -> None:
-        """Integrate at an eccentricity from an orbit or a motion, and find out what it has come to.
-        """
+        """Integrate at an eccentricity from an orbit or a motion, and see where it ends."""
         more = ({"revolutions": REVOLUTIONS[1]} if isinstance(start, Trajectory) else
                 {"revolutions": REVOLUTIONS[0], "disturbance": (1e-6, 1e-6)})
         self.off = integrate(self.model, self.method, speed=self.speed, static_eccentricity=value,

@@ -118,9 +118,7 @@ def basins_picture(found: Basins, names: Sequence[str]) -> Picture:
 @house_style()
 def integrity_picture(branch: Branch, found: Integrity,
                       stability: Sequence[Floquet] | None = None) -> Picture:
-    """The x amplitude of 1X along a branch, and under it how the safe part of the basin shrinks on
-    its first leg.
-    """
+    """1X in x along a branch; under it the safe part of the basin along its first leg."""
     figure = new_figure(8.4, 5.6)
     upper, lower = figure.subplots(2, 1, sharex=True)
     draw_branch(upper, branch, lambda c: np.hypot(c[..., 0, 1], c[..., 0, 2]), stability)

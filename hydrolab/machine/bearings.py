@@ -67,9 +67,7 @@ class Pads(BearingLaw):
         return np.stack([np.sin(angle), np.cos(angle)])
 
     def _pressed(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """Directions (2, count); how far the journal is beyond each clearance, and the rounded
-        hypotenuse, (…, count).
-        """
+        """Directions (2, count), how far the journal is beyond, and rounded so, (…, count)."""
         n = self.directions
         beyond = np.tensordot(u, n, axes=(0, 0)) - self.clearance
         return n, beyond, np.hypot(beyond, self.rounding)
@@ -289,9 +287,7 @@ class Guide(Bearing):
                                    "is" + " not" * self.has_bracket + " 0; a bracket has both.")
 
     def law(self, speed: float) -> BearingLaw | None:
-        """What is not linear in it at a speed (rad/s) of the machine, about its centre; None for a
-        linear bearing.
-        """
+        """What is not linear in it at a speed (rad/s), about its centre, or None."""
         own = self.law_in_line(speed)
         return OutOfLine(own, self.x, self.z) if own and (self.x or self.z) else own
 
@@ -439,9 +435,7 @@ class JournalFilm(Guide):
                                   f"no longer than their diameter, {2 * self.journal_radius:g} m.")
 
     def law_in_line(self, speed: float) -> ShortFilm:
-        """The film's law; the reference it takes back is STIFF times its cross stiffness in the
-        middle at this speed.
-        """
+        """The film's law; its reference is STIFF times its cross stiffness at rest at a speed."""
         damping = self.viscosity * self.journal_radius * (self.film_length / self.clearance) ** 3
         return ShortFilm(damping, self.clearance, STIFF * math.pi / 4 * damping * speed)
 

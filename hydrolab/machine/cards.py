@@ -115,9 +115,7 @@ class Reader:
         self.faults: list[Fault] = []
 
     def fail(self, key: str, sentence: str) -> None:
-        """Add a fault, a sentence, with the value as the card states it where that is in another
-        unit.
-        """
+        """Add a fault, a sentence, with the value as the card states it where its unit differs."""
         entry = self.entries.get(key)
         if entry is not None and entry.unit in CONVERTED:
             sentence = f"{sentence[:-1]}; the card says {shown(entry.value)} {entry.unit}."
@@ -234,9 +232,7 @@ class Reader:
 
 
 def in_si(key: str, value: Any, unit: str, factors: tuple[float, float], depth: int = 2) -> Any:
-    """A number or nested lists of numbers in a unit, in SI units; factors: as in `UNITS`; depth: of
-    lists.
-    """
+    """Numbers or nested lists in a unit, in SI units; factors: as in `UNITS`; depth: of lists."""
     if isinstance(value, (list, tuple)) and depth:
         return [in_si(key, v, unit, factors, depth - 1) for v in value]
     return number(key, value, unit=unit if unit != "1" else "") * factors[0] / factors[1]

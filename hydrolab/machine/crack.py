@@ -95,9 +95,7 @@ def crack_flexibility(depth: float, young: float, poisson: float, radius: float)
 
 
 def stiffness_loss(rigidity: float, length: float, flexibility: float) -> float:
-    """Δ = k − 1/(1/k + c), N m/rad, of an element with k = EI/l: the crack's angle adds to the
-    element's own.
-    """
+    """Δ = k − 1/(1/k + c), N m/rad, of an element with k = EI/l: both angles add up."""
     k = rigidity / length
     return k * k * flexibility / (1 + k * flexibility)
 

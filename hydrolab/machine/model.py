@@ -312,9 +312,7 @@ class Model:
         return static_eccentricity * self.gap * np.array([math.sin(direction), math.cos(direction)])
 
     def relative(self, coordinates: NDArray, centre: NDArray) -> NDArray:
-        """The nonlinear coordinates, (c, …), with the generator's (x, z) counted from the stator
-        centre, (2, …), m.
-        """
+        """The nonlinear coordinates, (c, …), with (x, z) from the stator centre, (2, …), m."""
         out = coordinates.copy()
         out[:2] -= centre
         return out
@@ -414,9 +412,7 @@ def rigid_link(offset: float) -> NDArray:
 
 
 def body_matrices(body: RigidBody) -> tuple[NDArray, NDArray]:
-    """Mass and gyroscopic matrix, 4 × 4, of a rigid body about its own centre (Lalanne and Ferraris
-    1998).
-    """
+    """Mass and gyroscopic matrix, 4 × 4, of a body about its centre (Lalanne and Ferraris 1998)."""
     gyroscopic = np.zeros((4, 4))
     gyroscopic[2, 3], gyroscopic[3, 2] = -body.Ip, body.Ip
     return np.diag([body.mass, body.mass, body.Id, body.Id]), gyroscopic

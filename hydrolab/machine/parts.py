@@ -573,9 +573,7 @@ class Machine(Part):
 
 
 def _row(key: str, value: Any, held: Held, entry: Entry | None) -> Sequence[str]:
-    """Key, quantity, source and note of a number as it is printed; nothing for a zero that nobody
-    stated.
-    """
+    """Key, quantity, source and note of a number as printed; nothing for a zero nobody stated."""
     if entry is not None and np.array_equal(entry.si, value):
         return key, entry.quantity, entry.source, entry.note
     if entry is None and not np.any(value):

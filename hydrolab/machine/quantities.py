@@ -117,9 +117,7 @@ def number_field(unit: str, meaning: str, *, example: Any, default: Any = MISSIN
 
 
 def text_field(meaning: str, example: str, default: Any = MISSING) -> Any:
-    """Declare a name, with its meaning and an example; where it has a default, free text, kept on
-    one line.
-    """
+    """Declare a name, with its meaning and an example; with a default, free text on one line."""
     return declare(Held(meaning, nickname, "text of 1 to 80 characters", example)
                    if default is MISSING else Held(meaning, prose, "text", example), default)
 
@@ -287,9 +285,7 @@ def _span(least: float, most: float) -> str:
 
 
 def whole(key: str, value: Any, least: int, most: float = math.inf, why: str = "") -> int:
-    """Return value if it is a whole number from least to most, or say in a sentence, with the
-    reason why, that not.
-    """
+    """Return value if it is a whole number from least to most; else say so, with the reason why."""
     if (isinstance(value, bool) or not isinstance(value, (int, np.integer))
             or not least <= value <= most):
         raise BadInput(f"{key} is {shown(value)}; it must be a whole number "

@@ -123,9 +123,7 @@ def _has_loop(study: Study) -> Told:
 
 
 def _motion_beyond(study: Study) -> tuple[str, float | None]:
-    """What direct integration does at 9.0 %, in words, and how many times as large it is as the 8.9
-    % orbit: inf at contact, None after an interrupt.
-    """
+    """What the motion at 9.0 % does; its size over the 8.9 % orbit's, inf at contact, or None."""
     if study.interrupted or study.beyond is None:
         return "Direct integration at 9.0 % was interrupted.", None
     if not study.beyond.finished:  # contact
