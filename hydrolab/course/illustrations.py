@@ -20,7 +20,7 @@ from hydrolab.machine import Machine
 from hydrolab.machine.quantities import quantity
 
 TURN = np.linspace(0.0, 2 * np.pi, 361)
-RUNNER = (1.3, 0.8)  # half width and height of the box drawn for a turbine, m: no size is known
+RUNNER = (1.3, 0.8)  # half width and height that are drawn of a turbine, m: no size is known
 ARROW = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "linewidth": 2.0, "mutation_scale": 18}
 STATED = ("paper", "Table 1")
 WHENCE = {"paper": "stand in the paper's text", "Table 1": "in its Table 1",
@@ -47,18 +47,31 @@ def _box(axes: Axes, left: float, top: float, wide: float, tall: float, colour: 
                              linewidth=0))
 
 
-def _from_the_side(axes: Axes, machine: Machine, alpha: float) -> dict[str, tuple[float, float]]:
-    """The shaft and the bodies to scale, y down; return each body's half width and height, m."""
-    shaft, air = machine.shaft, machine.air_gap
-    _box(axes, -shaft.diameter.max() / 2, 0, shaft.diameter.max(), shaft.length, "axis", 0.45)
-    sizes = {}
+def _from_the_side(axes: Axes, machine: Machine) -> list[tuple[float, float, str]]:
+    """The machine to scale, y down; where to point at each part, m, and what it is and does."""
+    shaft, half = machine.shaft, float(machine.shaft.diameter.max()) / 2
+    words = [(half, shaft.length * 0.55, f"**shaft** carries the torque: {shaft.length:.2f} m of "
+              f"steel, {2e3 * half:.0f} mm thick")]
+    _box(axes, -half, 0, 2 * half, shaft.length, "axis", 0.6)
     for body in machine.bodies:
-        turns = air is not None and body.name == air.body
-        wide, tall = (air.mean_radius - air.gap / 2, air.length) if turns else RUNNER
-        _box(axes, -wide, shaft.nodes[body.node] + body.offset - tall / 2, 2 * wide, tall, "rotor",
-             alpha)
-        sizes[body.name] = wide, tall
-    return sizes
+        turns = machine.air_gap is not None and body.name == machine.air_gap.body
+        draw = _draw_generator if turns else _draw_runner
+        words += draw(axes, machine, _depth(machine, body), f"{body.mass / 1e3:.0f} t")
+    for bearing in machine.all_bearings:
+        y = _depth(machine, bearing)
+        wide = 2.2 * half if "thrust" in bearing.name else half
+        for side in (-1, 1):
+            _box(axes, side * (wide + 0.25) - 0.25, y - 0.15, 0.5, 0.3, "bearing")
+        if wide > half:
+            _box(axes, -wide, y - 0.22, 2 * wide, 0.12, "axis", 0.9)  # the collar
+        words.append((wide + 0.5, y, f"**{bearing.name}** " + (
+            "carries the weight on a film of oil" if wide > half else
+            "keeps the shaft in the middle") + _stiffness(bearing)))
+    return sorted(words, key=lambda word: word[1])
+
+
+def _depth(machine: Machine, part: Any) -> float:
+    return float(machine.shaft.nodes[part.node]) + getattr(part, "offset", 0.0)
 
 
 @house_style()
@@ -69,7 +82,7 @@ def conventions_picture(machine: Machine) -> Picture:
     _draw_side(side, machine)
     _draw_above(above)
     generator = machine.body(machine.air_gap.body)
-    depth = f"{machine.shaft.nodes[generator.node] + generator.offset:.3f}".replace("-", "−")
+    depth = f"{_depth(machine, generator):.3f}".replace("-", "−")
     return Picture(figure, f"Left, {machine.name} from the side: y points down from the shaft top, "
                    f"the {generator.name}'s centre lies at y = {depth} m, the shaft ends at "
                    f"{machine.shaft.length:.2f} m. Right, the plane (x, z) from above: the gap "
@@ -77,24 +90,14 @@ def conventions_picture(machine: Machine) -> Picture:
 
 
 def _draw_side(axes: Axes, machine: Machine) -> None:
-    shaft, half = machine.shaft, float(machine.shaft.diameter.max()) / 2
-    for name, (wide, tall) in _from_the_side(axes, machine, 0.55).items():
-        body = machine.body(name)
-        y = float(shaft.nodes[body.node]) + body.offset
-        axes.annotate(name, (0, y), ha="center", va="center", fontsize=12)
-        if name == machine.air_gap.body:
-            for left in (-wide - 0.65, wide + 0.05):
-                _box(axes, left, y - tall / 2, 0.6, tall, "stator")
-            axes.annotate("stator", (wide + 0.35, y - tall / 2 - 0.1), ha="center", va="bottom",
-                          fontsize=12)
-    for bearing in machine.all_bearings:
-        y = float(shaft.nodes[bearing.node])
-        for left in (-half - 0.5, half):
-            _box(axes, left, y - 0.12, 0.5, 0.24, "bearing")
-        axes.annotate(bearing.name, (half + 0.65, y), va="center", fontsize=12)
+    for x, y, text in _from_the_side(axes, machine):
+        name = text.split("**")[1]
+        if name not in ("shaft", "air gap"):
+            place = (0.3 * x, y - 0.3) if "rotor" in name else (x * (1.22 if y < 0 else 1), y)
+            axes.annotate(f" {name}", place, va="center", fontsize=12)
     _arrow(axes, (-2.6, 1.2), (-2.6, 4.2), COLOURS["mean"])
     axes.annotate("y", (-2.6, 4.3), ha="center", va="top", fontsize=16)
-    axes.set(xlim=(-3.9, 5.0), ylim=(10.2, -1.7), aspect="equal", xlabel="x, m",
+    axes.set(xlim=(-4.2, 5.4), ylim=(10.6, -1.7), aspect="equal", xlabel="x, m",
              ylabel="depth y, m", title="From the side (the runner's size is a guess)")
 
 
@@ -105,27 +108,9 @@ def section_picture(machine: Machine) -> Picture:
     """
     figure = new_figure(12, 8)
     axes = figure.subplots()
-    shaft, half = machine.shaft, float(machine.shaft.diameter.max()) / 2
-    words: list[tuple[float, float, str]] = [(half, shaft.length * 0.55, f"**shaft** carries the "
-        f"torque: {shaft.length:.2f} m of steel, {2e3 * half:.0f} mm thick")]  # x, y, what it is
-    _box(axes, -half, 0, 2 * half, shaft.length, "axis", 0.6)
-    for body in machine.bodies:
-        y = float(shaft.nodes[body.node]) + body.offset
-        turns = machine.air_gap is not None and body.name == machine.air_gap.body
-        draw = _draw_generator if turns else _draw_runner
-        words += draw(axes, machine, y, f"{body.mass / 1e3:.0f} t")
-    for bearing in machine.all_bearings:
-        y = float(shaft.nodes[bearing.node])
-        wide = 2.2 * half if "thrust" in bearing.name else half
-        for side in (-1, 1):
-            _box(axes, side * (wide + 0.25) - 0.25, y - 0.15, 0.5, 0.3, "bearing")
-        if wide > half:
-            _box(axes, -wide, y - 0.22, 2 * wide, 0.12, "axis", 0.9)  # the collar
-        words.append((wide + 0.5, y, f"**{bearing.name}** " + (
-            "carries the weight on a film of oil" if wide > half else
-            "keeps the shaft in the middle") + _stiffness(bearing)))
-    _name_parts(axes, sorted(words, key=lambda word: word[1]))
-    read = "; ".join(word.replace("**", "") for _, _, word in sorted(words, key=lambda w: w[1]))
+    words = _from_the_side(axes, machine)
+    _name_parts(axes, words)
+    read = "; ".join(text.replace("**", "") for _, _, text in words)
     return Picture(figure, f"Section through {machine.name}, from the top down: {read}.")
 
 
@@ -275,16 +260,13 @@ def _label(axes: Axes, side: int, depth: float, name: str, words: str) -> None:
 @house_style()
 def sources_picture(machine: Machine) -> Picture:
     """The machine from the side, to scale, each part with its stated and its chosen numbers."""
-    shaft, half = machine.shaft, float(machine.shaft.diameter.max()) / 2
+    shaft = machine.shaft
     figure = new_figure(12.5, 6.2)
     axes = figure.subplots()
-    _from_the_side(axes, machine, 0.4)
-    rows = [(float(shaft.nodes[b.node] + b.offset), b, "") for b in machine.bodies]
-    for bearing in machine.all_bearings:
-        depth = float(shaft.nodes[bearing.node])
-        axes.plot([-half - 0.2], depth, ">", [half + 0.2], depth, "<", color=COLOURS["axis"],
-                  markersize=11)
-        rows.append((depth, bearing, f"depth {depth:.3f} m"))
+    _from_the_side(axes, machine)
+    rows = [(_depth(machine, body), body, "") for body in machine.bodies]
+    rows += [(_depth(machine, bearing), bearing, f"depth {_depth(machine, bearing):.3f} m")
+             for bearing in machine.all_bearings]
     rows.append((0.72 * shaft.length, shaft, ""))
     for depth, part, place in rows:
         name = getattr(part, "name", "shaft")

@@ -26,7 +26,6 @@ from hydrolab.dynamics.harmonics import ellipse, fourier_rows, synthesise
 from hydrolab.dynamics.results import PeriodicOrbit, require
 from hydrolab.errors import BadInput
 from hydrolab.machine.gap_shape import csv_rows, csv_value
-from hydrolab.machine.model import rigid_link
 from hydrolab.machine.quantities import UNITS, micro, number, shown, turning
 
 HIGHEST = 4  # order that is fitted
@@ -193,8 +192,7 @@ def motion_at(orbit: PeriodicOrbit, place: str) -> NDArray:
     bodies = orbit.model.origin.machine.bodies if orbit.model.origin else ()
     for body in bodies:
         if body.name == place:
-            node = orbit.model.at_nodes(orbit.shaft)[body.node]
-            return (rigid_link(body.offset)[:2] if len(node) == 4 else np.eye(2)) @ node
+            return orbit.body_coefficients(body)
     return orbit.node_coefficients(place)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +27,7 @@ from hydrolab.dynamics.harmonics import (
     to_complex,
 )
 from hydrolab.errors import BadInput, Contact
-from hydrolab.machine.model import Model
+from hydrolab.machine.model import Model, rigid_link
 from hydrolab.machine.quantities import shown
 
 if TYPE_CHECKING:
@@ -246,6 +246,11 @@ class PeriodicOrbit:
         rate, at = self.speed / self.revolutions, [phase / self.revolutions]
         return np.stack([synthesise(self.shaft, at)[:, 0],
                          synthesise(rate * rates(self.shaft), at)[:, 0]])
+
+    def body_coefficients(self, body: Any) -> NDArray:
+        """[mean, sin 1, cos 1, …] of x and z at a body's centre, by its link, m, (2, 2m + 1)."""
+        node = self.model.at_nodes(self.shaft)[body.node]
+        return (rigid_link(body.offset)[:2] if len(node) == 4 else np.eye(2)) @ node
 
     def node_coefficients(self, place: int | float | str) -> NDArray:
         """[mean, sin 1, cos 1, …] of x and z at a shaft node, m, shape (2, 2m + 1).

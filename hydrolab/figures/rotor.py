@@ -4,7 +4,7 @@ Seen from the side and from above: x is to the right, the depth y points down, a
 from the reader, which an orthographic view from above turns into up. Displacements are exaggerated,
 by the same factor everywhere.
 
-factor: that factor. path: (2, …), m. name: of a body.
+factor: that factor. path: (2, …), m.
 """
 
 from __future__ import annotations
@@ -23,19 +23,11 @@ from hydrolab.figures.drawing import MM, REVOLUTION, UM
 from hydrolab.figures.picture import Picture
 from hydrolab.figures.readings import listed, microns
 from hydrolab.figures.style import COLOURS, house_style, new_figure
-from hydrolab.machine.model import rigid_link
 from hydrolab.machine.parts import Machine
 
 ELEVATION = math.radians(38)  # of the eye above the plane of an orbit
 DRAWN_SHARE = 0.25  # the largest displacement is drawn at most this share of the rotor's length
 CLOSE = 0.03  # of the shaft's length: names nearer than this share a line
-
-
-def body_coefficients(machine: Machine, orbit: PeriodicOrbit, name: str) -> NDArray:
-    """[mean, sin 1, cos 1, …] of x and z at a body's centre, by its link, m, (2, 2m + 1)."""
-    body = machine.body(name)
-    node = orbit.model.at_nodes(orbit.shaft)[body.node]
-    return (rigid_link(body.offset)[:2] if len(node) == 4 else np.eye(2)) @ node
 
 
 def rotor_stations(machine: Machine, orbit: PeriodicOrbit) -> tuple[NDArray, NDArray]:
@@ -44,8 +36,7 @@ def rotor_stations(machine: Machine, orbit: PeriodicOrbit) -> tuple[NDArray, NDA
     nodes = range(len(orbit.model.depths))
     depths = [*orbit.model.depths, *(orbit.model.depths[b.node] + b.offset for b in machine.bodies)]
     return np.array(depths), np.array([*(orbit.node_coefficients(i) for i in nodes),
-                                       *(body_coefficients(machine, orbit, b.name)
-                                         for b in machine.bodies)])
+                                       *map(orbit.body_coefficients, machine.bodies)])
 
 
 def exaggeration(paths: NDArray, length: float) -> float:

@@ -33,7 +33,7 @@ from hydrolab.figures.paper_figures import (
 )
 from hydrolab.figures.picture import Picture
 from hydrolab.figures.readings import microns, percent, reading, verdicts
-from hydrolab.figures.rotor import body_coefficients, on_page
+from hydrolab.figures.rotor import on_page
 from hydrolab.figures.style import COLOURS, LINES, new_figure
 from hydrolab.machine.parts import AirGap, Machine, RadialBearing, RigidBody
 from hydrolab.paper.calibration import build
@@ -247,7 +247,7 @@ def test_the_rotor_hangs_down_and_its_bodies_sit_on_their_links(studies, picture
     study = studies["kaplan"]
     for p in (1.0, 8.9):
         orbit = study.orbits[p]
-        np.testing.assert_allclose(body_coefficients(study.machine, orbit, "generator"),
+        np.testing.assert_allclose(orbit.body_coefficients(study.machine.body("generator")),
                                    orbit.coefficients, atol=1e-10)
     panels = pictures["kaplan"]["figure-7"].figure.axes[:4]
     for axes in panels:
