@@ -18,7 +18,7 @@ from hydrolab.dynamics.harmonics import ellipse, self_crossings
 from hydrolab.dynamics.identify import identify
 from hydrolab.dynamics.integrate import CentralDifference, Newmark, RungeKutta, integrate
 from hydrolab.dynamics.maps import steady_map
-from hydrolab.dynamics.modes import campbell, critical_speeds, modes
+from hydrolab.dynamics.modes import campbell, critical_speeds, modes, speed_margins
 from hydrolab.dynamics.probes import made_up_record, read_record
 from hydrolab.dynamics.reduction import reduce, truncation_error
 from hydrolab.dynamics.run import Schedule, coast_down, load_rejection, run, runaway, start_up
@@ -39,8 +39,9 @@ __all__ = [
     "card_text", "coast_down", "critical_speeds", "drift", "ellipse", "floquet", "follow",
     "identify", "integrate", "integrity", "load_machine", "load_rejection", "made_up_record",
     "modes", "newton", "orbits_at", "poincare", "powell_dog_leg", "read_record", "reduce", "rpm",
-    "run", "runaway", "self_crossings", "stable_orbits_at", "start_up", "steady_map",
-    "steady_states", "sweep", "sweep_in_time", "truncation_error", "update_branch", "vary",
+    "run", "runaway", "self_crossings", "speed_margins", "stable_orbits_at", "start_up",
+    "steady_map", "steady_states", "sweep", "sweep_in_time", "truncation_error", "update_branch",
+    "vary",
 ]
 
 Speed = TypeVar("Speed", float, NDArray)

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linear_sum_assignment
 from threadpoolctl import threadpool_limits
 
+from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.winding import mass_scaled, mean_slopes, with_slopes
 from hydrolab.errors import BadInput
@@ -221,11 +222,14 @@ class CriticalSpeeds:
         """The speeds of one direction, rad/s."""
         return self.speeds[np.array(self.direction, dtype=object) == direction]
 
-    def margin(self, speed: float) -> float:
-        """How far the nearest critical speed is from a speed (rad/s), as a fraction of it: below
-        zero where it lies below, inf where there is none.
+    def _such(self, direction: str) -> NDArray:
+        return np.sort(np.concatenate([self.of(direction), self.of("planar")]))
+
+    def margin(self, speed: float, direction: str = "") -> float:
+        """How far the nearest critical speed, of one direction or planar where one is given, is
+        from a speed (rad/s), as a fraction of it: below zero where it lies below, inf for none.
         """
-        away = self.speeds / speed - 1
+        away = (self._such(direction) if direction else self.speeds) / speed - 1
         return float(away[np.abs(away).argmin()]) if len(away) else math.inf
 
     def __str__(self) -> str:
@@ -276,6 +280,48 @@ def critical_speeds(model: Model, *, pull: bool | PeriodicOrbit = False, order: 
              "runaway speed": runaway or (rated and RUNAWAY * rated)}
     return CriticalSpeeds(speeds, ratios, _whirl(model, shapes), shapes, n, forces,
                           {name: float(s) for name, s in marks.items() if s})
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedMargins:
+    """Critical speeds with the field off and on; prints as a table with the margins of each."""
+
+    off: CriticalSpeeds
+    on: CriticalSpeeds
+
+    def __str__(self) -> str:
+        ways, both = ("forward", "backward"), (self.off, self.on)
+        rows = [("critical speeds of 1X, rpm", *(f"{w}, {field}" for field in (
+            "field off", "field on") for w in ways))]
+        columns = [c._such(way) * 30 / np.pi for c in both for way in ways]
+        for i in range(min(SHOWN, max(map(len, columns)))):
+            rows.append((f"{i + 1}", *(f"{c[i]:.1f}" if i < len(c) else "" for c in columns)))
+        for name, speed in self.on.marks.items():
+            margins = [100 * c.margin(speed, way) for c in both for way in ways]
+            rows.append((f"nearest to {name}, {speed * 30 / np.pi:.1f}", *(
+                f"{m:+.0f} %" if math.isfinite(m) else "none" for m in margins)))
+        return "\n".join(f"{row[0]:36}" + "".join(f"{cell:>21}" for cell in row[1:])
+                         for row in rows)
+
+
+def speed_margins(model: Any, *, rated: float | None = None, overspeed: float | None = None,
+                  runaway: float | None = None) -> SpeedMargins:
+    """Critical speeds of a model without and with the field, beside speeds to keep from, rad/s.
+
+    rated: by default that of its machine; overspeed, runaway: as for `critical_speeds`. Of forces
+    other than the pull of a round gap the mean slope along the steady state at the rated speed
+    counts. Raises BadInput where no rated speed is known, and what `HarmonicBalance.solve` raises.
+    """
+    require_model(model)
+    rated = rated or (model.origin and model.origin.machine.speed)
+    if not rated:
+        raise BadInput(f"rated is {rated}, and {model.name} was not made from a card that states a "
+                       "speed; give one in rad/s.")
+    pulls: list[bool | PeriodicOrbit] = [False, True]
+    if not model.law.closed_form:
+        pulls = [HarmonicBalance(4).solve(model.with_field(f), rated) for f in (0.0, 1.0)]
+    return SpeedMargins(*(critical_speeds(model, pull=pull, rated=rated, overspeed=overspeed,
+                                          runaway=runaway) for pull in pulls))
 
 
 def _free(there: Any, n: float) -> tuple[NDArray, NDArray, NDArray]:

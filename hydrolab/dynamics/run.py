@@ -523,7 +523,7 @@ class Run:
         said = [f"{self.schedule} {self.model.name}, static eccentricity "
                 f"{100 * self.static_eccentricity:.4g} %. {self.stopped}"]
         if p := self.passage:
-            than = ("no steady state was found there" if math.isnan(p.steady) else
+            than = ("no steady state that moves was found there" if not p.steady > 0 else
                     f"{p.amplitude / p.steady:.3g} times the steady {1e6 * p.steady:.4g} µm there")
             said.append(f"It moves most, {1e6 * p.amplitude:.4g} µm about its mean, at "
                         f"{p.time:.3g} s and {p.speed / RPM:.4g} rpm: {than}.")

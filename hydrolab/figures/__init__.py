@@ -2,7 +2,7 @@
 
 `picture` couples a figure with its reading, `style` is the house's, `drawing` what several figures
 share, `readings` the sentences. `orbits` draws orbits and branches, `jumps` what happens past a
-fold, `orders` a record beside a model, `paper_figures` the paper's figures.
+fold, `orders` a record beside a model and a start or a stop, `paper_figures` the paper's figures.
 """
 
 from hydrolab.figures.drawing import REVOLUTION, draw_orbit
@@ -14,7 +14,7 @@ from hydrolab.figures.jumps import (
     multipliers_picture,
 )
 from hydrolab.figures.orbits import branch_picture, orbit_picture
-from hydrolab.figures.orders import record_picture
+from hydrolab.figures.orders import record_picture, run_picture, waterfall_picture
 from hydrolab.figures.paper_figures import (
     figure_3,
     figure_4,
@@ -31,6 +31,6 @@ __all__ = [
     "COLOURS", "Picture", "REVOLUTION", "basins_picture", "branch_picture", "draw_orbit",
     "figure_3", "figure_4", "figure_5", "figure_6", "figure_7", "house_style",
     "hysteresis_picture", "integrity_picture", "line_picture", "map_picture",
-    "multipliers_picture", "new_figure",
-    "orbit_picture", "plane", "record_picture", "study_pictures",
+    "multipliers_picture", "new_figure", "orbit_picture", "plane", "record_picture", "run_picture",
+    "study_pictures", "waterfall_picture",
 ]

@@ -9,7 +9,13 @@ import pytest
 import scipy.linalg
 
 from hydrolab import HarmonicBalance, load_machine
-from hydrolab.dynamics.modes import campbell, critical_speeds, modes, undamped_frequencies
+from hydrolab.dynamics.modes import (
+    campbell,
+    critical_speeds,
+    modes,
+    speed_margins,
+    undamped_frequencies,
+)
 from hydrolab.errors import BadInput
 from hydrolab.machine.model import Model, rayleigh_coefficients
 from hydrolab.machine.parts import (
@@ -379,3 +385,23 @@ def test_what_is_no_model_is_refused(kaplan):
         critical_speeds(load_machine("two-pole").model(), pull=True)
     with pytest.raises(BadInput, match="move freely"):
         critical_speeds(replace(kaplan, K=0 * kaplan.K))
+
+
+def test_speed_margins_are_those_with_the_field_off_and_on():
+    machine = load_machine("kaplan-150rpm")
+    table = speed_margins(machine.model())
+    for share, found in ((0.0, table.off), (1.0, table.on)):
+        law = machine.model().with_field(share).law
+        model = machine.model()
+        slope = model.selection.T @ (law.stiffness * np.eye(2)) @ model.selection
+        same = critical_speeds(replace(model, K=model.K - slope))
+        assert found.speeds == pytest.approx(same.speeds, rel=1e-9)
+    margin = table.on.of("forward")[0] / (375 * RPM) - 1
+    assert table.on.margin(375 * RPM, "forward") == pytest.approx(margin)
+    assert "nearest to runaway speed, 375.0" in str(table)
+    # the two of a point mass are one pair that whirls either way
+    point = speed_margins(load_machine("jeffcott").model())
+    assert point.off.margin(150 * RPM, "forward") == pytest.approx(
+        sqrt(2.7e8 / 1.5e5) / (150 * RPM) - 1)
+    with pytest.raises(BadInput, match="give one in rad/s"):
+        speed_margins(replace(machine.model(), origin=None))

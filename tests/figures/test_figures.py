@@ -17,13 +17,24 @@ import pytest
 from matplotlib import pyplot
 from PIL import Image
 
-from hydrolab import CentralDifference, HarmonicBalance, follow, integrate, load_machine, rpm
+from hydrolab import (
+    CentralDifference,
+    HarmonicBalance,
+    Schedule,
+    follow,
+    integrate,
+    load_machine,
+    load_rejection,
+    rpm,
+    run,
+)
 from hydrolab.dynamics.harmonics import ellipse
 from hydrolab.dynamics.modes import modes
 from hydrolab.errors import BadInput
 from hydrolab.figures.drawing import REVOLUTION
 from hydrolab.figures.jumps import hysteresis_picture
 from hydrolab.figures.orbits import branch_picture, curve, draw_branch, orbit_picture
+from hydrolab.figures.orders import run_picture, waterfall_picture
 from hydrolab.figures.paper_figures import (
     figure_3,
     figure_6,
@@ -364,3 +375,19 @@ def test_drawing_needs_no_pyplot():
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True,
                           timeout=120, cwd=ROOT)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_run_is_drawn_as_it_was_computed():
+    """The lines are the run's numbers, the reading its story; also without a gap."""
+    model = load_machine("kaplan-150rpm").model()
+    found = run(model, load_rejection(rpm(150), seconds=40), static_eccentricity=0.05,
+                steps_per_revolution=64, check=False)
+    picture = run_picture(found, steady=5)
+    assert picture.reading == str(found)
+    _, motion, gap, _ = picture.figure.axes
+    assert motion.lines[0].get_ydata() == pytest.approx(1e6 * found.revolutions[1])
+    assert gap.lines[0].get_ydata().min() == pytest.approx(1e3 * found.smallest_gap.value)
+    fall = waterfall_picture(found, lines=10)
+    assert microns(found.waterfall(lines=10, highest=4).of(1).max()) in fall.reading
+    still = run(load_machine("three-disc").model(), Schedule([0, 0.1], [2600, 2618]), check=False)
+    assert "three-disc" in run_picture(still, steady=2).reading
