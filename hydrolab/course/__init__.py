@@ -1,7 +1,7 @@
 """What the book needs: what a chapter imports, and what makes notebooks and pages.
 
-In a chapter: `checks` tells whether an answer is right and names the usual mistakes, with
-`exercises` (one module a chapter, written in `answers`); `predictions` keeps what a student
+In a chapter: `checks` tells whether an answer is right and names the usual mistakes, with `answers`
+(what the exercises ask for, a file a chapter in the book); `predictions` keeps what a student
 expected beside what came out; `illustrations` are its pictures that are no result; `records` are
 the vibration records of chapter 12. Around the chapters, imported by their own names: `refresh`
 runs, cleans and compares them, `hand_out` takes the solutions out, `pages` and `static_book` make

@@ -30,7 +30,7 @@ from typing import Any
 
 from hydrolab import __version__
 from hydrolab.addresses import trouble
-from hydrolab.course import exercises
+from hydrolab.course import answers
 from hydrolab.course.static_book import record_scenes
 from hydrolab.errors import BadInput
 
@@ -290,7 +290,7 @@ def _wheel_of_hydrolab(target: Path, more: Mapping[str, str]) -> Path:
             part = path.relative_to(package)
             if path.is_file() and not {"__pycache__", "_book"} & set(part.parts):
                 archive.write(path, f"hydrolab/{part.as_posix()}")
-        for path in exercises.files().values():
+        for path in answers.files().values():
             archive.write(path, f"hydrolab/_book/exercises/{path.name}")
         for place, text in more.items():
             archive.writestr(place, text)

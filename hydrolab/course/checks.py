@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hydrolab.course.answers import COMMON, Exercise, other_units
-from hydrolab.course.exercises import exercise
+from hydrolab.course.answers import COMMON, Exercise, exercise, other_units
 
 UNANSWERED = "not answered yet. Put your answer in place of ... and run this cell again."
 

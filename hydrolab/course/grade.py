@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hydrolab.course.answers import chapters, exercise
 from hydrolab.course.checks import judge
-from hydrolab.course.exercises import chapters, exercise
 from hydrolab.course.refresh import Cell, read
 from hydrolab.errors import BadInput
 

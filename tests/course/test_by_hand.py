@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq, minimize_scalar
 
 import hydrolab
-from hydrolab.course.exercises import exercise
+from hydrolab.course.answers import exercise
 
 RPM, TURN = math.pi / 30, 2 * math.pi
 GAP, FIELD = 0.011, 0.5  # m, T

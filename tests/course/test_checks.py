@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hydrolab import HarmonicBalance
-from hydrolab.course import exercises
+from hydrolab.course import answers as exercises
 from hydrolab.course.answers import UNITS, Exercise, Mistake, other_units
 from hydrolab.course.checks import check, judge
 from hydrolab.errors import BadInput

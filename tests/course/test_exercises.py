@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hydrolab.course import exercises
+from hydrolab.course import answers as exercises
 from hydrolab.course import refresh as notebooks
 from hydrolab.course.answers import Exercise
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hydrolab.course import exercises
+from hydrolab.course import answers as exercises
 from hydrolab.course import refresh as notebooks
 
 BOOK = Path(__file__).resolve().parents[2] / "book"
