@@ -33,8 +33,8 @@ Point = tuple[float, float, float]
 
 
 def turn_of(sizes: Sizes, rise: float) -> NDArray:
-    """Directions to the right, up and towards the camera of a view at an angle above the horizon,
-    rad, as columns.
+    """Directions to the right, up and towards the camera of a view at an angle rise above the
+    horizon, rad, as columns; sizes: of what is seen.
     """
     facing = math.cos(rise) * sizes.near + math.sin(rise) * sizes.up
     right = np.cross(sizes.up, sizes.near)
