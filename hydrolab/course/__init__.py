@@ -23,12 +23,13 @@ from hydrolab.course.records import (
     diagnose,
     evidence,
     healthy,
+    record_text,
     recording,
     unknown_machine,
 )
 
 __all__ = [
     "Condition", "answer", "check", "conventions_picture", "counts", "diagnose", "evidence",
-    "gap_picture", "healthy", "predict", "recall", "recording", "records", "section_picture",
-    "sources_picture", "unknown_machine",
+    "gap_picture", "healthy", "predict", "recall", "record_text", "recording", "records",
+    "section_picture", "sources_picture", "unknown_machine",
 ]

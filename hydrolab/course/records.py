@@ -13,6 +13,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
+from importlib.resources import files
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,6 +170,13 @@ def unknown_machine(number: int) -> Recording:
         raise BadInput(f"number is {number!r}; the machines have whole numbers.")
     number = int(number)
     return recording(condition_of(number)[1], f"machine {number}", seed=abs(number))
+
+
+def record_text(name: str) -> str:
+    """The CSV of a record of the unit that nobody knows, chapter 14: "with-field", "without-field"
+    or "slow-roll".
+    """
+    return (files("hydrolab.course") / "unknown-unit" / f"{name}.csv").read_text(encoding="utf-8")
 
 
 def evidence(case: Recording) -> Evidence:

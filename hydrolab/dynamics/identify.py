@@ -258,7 +258,7 @@ def _told(fit: _Fit, values: Any, y: NDArray, left: NDArray, slopes: NDArray, fr
     record, probe, column = np.unravel_index(np.abs(grid).argmax(), grid.shape)
     order = fit.orders[column]
     worst = (f"{f'{order}X' if order else 'the mean'} of {fit.names[probe]} in "
-             f"{fit.records[record].name}, {abs(grid[record, probe, column]):.3g} standard errors")
+             f"{fit.records[record].name}, field {100 * fit.records[record].field:.3g} %, {abs(grid[record, probe, column]):.3g} standard errors")
     orbits = tuple(orbit for orbit in fit.orbits if orbit is not None)
     return Identified(best, errors, {k: units[k] for k in keys}, correlation, float(left @ left),
                       freedom, tuple(filter(vague, keys)), tied, worst, fit.machine_of(best),
