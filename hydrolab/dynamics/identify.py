@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,10 @@ if TYPE_CHECKING:
 
 LEVEL = 0.01  # a right model is rejected once in so many
 NORMAL_95 = 1.959964  # standard errors that hold 95 % of a normal distribution
+# With sharp readings and the field on the search is lost in a curved valley. So it begins with the
+# record of the least field, on which the motion depends almost linearly, and with rough readings.
+STAGES = ((0.1, 1e4), (0.1, 1.0), (0.0, 1.0))  # error of the probes at least, factor beside field
+TRIES = 3  # of beginnings, where the first ends at what is rejected
 STEP = 1e-5  # of a scaled unknown, for derivatives
 FLAT = 1e-9  # of the largest singular value: below it a direction is not seen at all
 VAGUE = 0.5  # of a value, or of the prior's error: above it a number is not told
@@ -141,7 +146,7 @@ class _Fit:
     def __init__(self, machine: Machine, records: Sequence[ProbeRecord], start: dict[str, float],
                  orders: Sequence[int], probe_error: float, balance: HarmonicBalance) -> None:
         self.machine, self.records, self.balance, self.start = machine, records, balance, start
-        self.orbits: list[PeriodicOrbit | None] = [None] * len(records)
+        self.orbits: Sequence[PeriodicOrbit | None] = [None] * len(records)
         self.columns = whole_orders(*orders)
         self.theirs = [c // 2 for c in self.columns]  # the same in a steady state
         self.names = [probe.name for probe in records[0].probes]
@@ -153,8 +158,17 @@ class _Fit:
         self.measured = self.centred(measured)
         self.orders = np.array([(c + 1) // 4 for c in self.columns])
         same = self.orders[:, None] == self.orders
-        self.errors = np.hypot(errors, probe_error * np.sqrt(self.measured**2 @ same))
+        self.sharp, self.sizes = errors, np.sqrt(self.measured**2 @ same)
+        self.blur(probe_error)
         self.freedom = measured.size - len(self.names) * len(self.means)
+
+    def blur(self, probe_error: float, far: float = 1.0) -> None:
+        """Count errors of the probes' sensitivity, a fraction of each order, with the others; far:
+        a factor on all errors of a record with more field than the least.
+        """
+        fields = np.array([record.field for record in self.records])[:, None, None]
+        self.errors = (np.hypot(self.sharp, probe_error * self.sizes)
+                       * np.where(fields > fields.min(), far, 1.0))
 
     def centred(self, values: NDArray) -> NDArray:
         """Coefficients (records, probes, columns) with each mean counted from that of all records.
@@ -173,14 +187,15 @@ class _Fit:
     def solve(self, values: Mapping[str, float]) -> NDArray:
         """(u − û)/σ of all records, (records, probes, columns); the orbits are kept."""
         model, stator = self.machine_of(values).model(), {**self.start, **values}
-        seen = []
+        seen, orbits = [], []
         for i, record in enumerate(self.records):
             orbit = self.balance.solve(model.with_field(record.field), record.speed,
                                        stator["static_eccentricity"],
                                        direction=stator["direction"], start=self.orbits[i])
             motion = {place: motion_at(orbit, place) for place in record.places}
             seen.append([(p.row @ motion[p.place])[self.theirs] for p in record.probes])
-            self.orbits[i] = orbit
+            orbits.append(orbit)
+        self.found = orbits
         return (self.centred(np.array(seen)) - self.measured) / self.errors
 
 
@@ -210,8 +225,8 @@ def identify(machine: Machine, records: ProbeRecord | Sequence[ProbeRecord], fre
     if not set(orders) <= set(range(min(method.harmonics, 4) + 1)) or not set(orders) - {0}:
         raise BadInput(f"orders is {shown(orders)}; it must be some of 0 to "
                        f"{min(method.harmonics, 4)}, and not 0 alone.")
-    fit = _Fit(machine, records, begin, sorted(set(orders)),
-               number("probe_error", probe_error, least=0, below=1), method)
+    number("probe_error", probe_error, least=0, below=1)
+    fit = _Fit(machine, records, begin, sorted(set(orders)), probe_error, method)
     sizes = np.cumsum([len(u.keys) for u in unknowns])[:-1]
 
     def values(y: NDArray) -> dict[str, float]:
@@ -227,11 +242,29 @@ def identify(machine: Machine, records: ProbeRecord | Sequence[ProbeRecord], fre
     y0 = np.concatenate([unknown.scaled(begin) for unknown in unknowns])
     if (freedom := terms(y0).size - fit.measured.size + fit.freedom - len(y0)) < 1:
         raise BadInput(f"free has {len(y0)} numbers; the records hold no more terms than that.")
-    found = least_squares(_or_nan(terms, y0.size), y0, lambda y: _derivative(terms, y),
-                          xtol=1e-10, ftol=1e-10, gtol=None, x_scale="jac")
-    left = terms(found.x)
-    return _told(fit, values, found.x, left, _derivative(terms, found.x), freedom, units,
-                 prior or {})
+
+    def slopes(y: NDArray) -> NDArray:
+        terms(y)
+        fit.orbits = fit.found  # a trial step that is not taken leaves no trace
+        return _derivative(terms, y)
+
+    def search(y: NDArray) -> tuple[float, NDArray]:
+        fit.orbits = [None] * len(records)
+        for share, far in STAGES:
+            fit.blur(max(share, probe_error), far)
+            y = least_squares(_or_nan(terms, y.size), y, slopes, xtol=1e-4 if share else 1e-9,
+                              ftol=1e-2 if share else 1e-7, gtol=None, x_scale="jac",
+                              max_nfev=40).x
+        return float(terms(y) @ terms(y)), y
+
+    best, random = (math.inf, y0), np.random.default_rng(0)
+    for _ in range(TRIES):
+        with suppress(BadInput, NoConvergence, Contact):  # met a fold
+            best = min(best, search(y0), key=lambda found: found[0])
+        if gammaincc(freedom / 2, best[0] / 2) > LEVEL:
+            break
+        y0 = y0 + random.normal(0, 1, y0.size) * np.abs(y0).max() / 4
+    return _told(fit, values, best[1], terms(best[1]), slopes(best[1]), freedom, units, prior or {})
 
 
 def _told(fit: _Fit, values: Any, y: NDArray, left: NDArray, slopes: NDArray, freedom: int,
@@ -258,11 +291,11 @@ def _told(fit: _Fit, values: Any, y: NDArray, left: NDArray, slopes: NDArray, fr
     record, probe, column = np.unravel_index(np.abs(grid).argmax(), grid.shape)
     order = fit.orders[column]
     worst = (f"{f'{order}X' if order else 'the mean'} of {fit.names[probe]} in "
-             f"{fit.records[record].name}, field {100 * fit.records[record].field:.3g} %, {abs(grid[record, probe, column]):.3g} standard errors")
-    orbits = tuple(orbit for orbit in fit.orbits if orbit is not None)
+             f"{fit.records[record].name}, field {100 * fit.records[record].field:.3g} %, "
+             f"{abs(grid[record, probe, column]):.3g} standard errors")
     return Identified(best, errors, {k: units[k] for k in keys}, correlation, float(left @ left),
                       freedom, tuple(filter(vague, keys)), tied, worst, fit.machine_of(best),
-                      orbits, tuple(fit.records))
+                      tuple(fit.found), tuple(fit.records))
 
 
 def _away(value: Any, other: float, unit: str) -> Any:

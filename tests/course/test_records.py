@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from hydrolab import RungeKutta, integrate
+from hydrolab import RungeKutta, identify, integrate, load_machine, read_record
 from hydrolab.course import records
 from hydrolab.course.records import (
     ECCENTRICITY,
@@ -30,6 +30,7 @@ from hydrolab.course.records import (
 )
 from hydrolab.dynamics.stability import floquet
 from hydrolab.errors import BadInput
+from tests.course import unknown_unit
 
 REFERENCE = evidence(healthy())
 KEYS = {ECCENTRICITY: "static_eccentricity", UNBALANCE: "unbalance", OVALITY: "ovality",
@@ -130,3 +131,18 @@ def test_grades():
         grade(1, "ghosts")
     with pytest.raises(BadInput, match="whole numbers"):
         unknown_machine(0.5)
+
+
+def test_the_shipped_unit_is_the_one_of_the_script_and_its_numbers_are_found():
+    """Chapter 14's capstone: without run-out and with a softer bearing, and only so."""
+    assert unknown_unit.files() == {name: records.record_text(name) for name in
+                                    ("with-field", "without-field", "slow-roll")}
+    slow = read_record(records.record_text("slow-roll"), field=0.0)
+    raw = [read_record(records.record_text(f"{name}-field"), field=share)
+           for name, share in (("with", 1.0), ("without", 0.0))]
+    true, card = unknown_unit.truth(), load_machine("kaplan-150rpm")
+    found = identify(card, [record.without(slow) for record in raw], list(true))
+    assert not found.rejected
+    for key, value in true.items():
+        assert abs(found.values[key] - value) < 3.5 * found.errors[key]
+    assert identify(card, raw, list(true)).rejected
