@@ -1,5 +1,5 @@
 """The command `hydrolab`: `lab` opens the course, `book` builds its pages, `study` repeats the
-paper's study, `show` opens the machine in 3D.
+paper's study, `report` says what an engineer asks of a unit, `show` opens the machine in 3D.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from hydrolab.errors import BadInput, Contact, NoConvergence
 
 LEFT_OUT = ("_build", "_static", "instructor", "exercises", "conf.py", "index.md",
             "bibliography.md", "api.md", ".ipynb_checkpoints", "__pycache__")
+PAPER_CARD = "kaplan-150rpm"
 ANNOUNCEMENTS = "@jupyterlab/apputils-extension:announcements"
 
 
@@ -151,12 +152,33 @@ def lab(options: argparse.Namespace) -> int:
 
 
 def study(options: argparse.Namespace) -> int:
-    """Repeat the paper's study on a machine card."""
-    from hydrolab.figures import study_pictures
-    from hydrolab.paper.report import study_command
+    """Repeat the paper's study on its own unit; of the unit of any other card say what an engineer
+    asks, and write it as a page.
+    """
+    if options.card == PAPER_CARD:
+        from hydrolab.figures import study_pictures
+        from hydrolab.paper.report import study_command
 
-    return study_command(options.card, out=options.out, family=options.family,
-                         draw=None if options.no_figures else study_pictures)
+        return study_command(out=options.out, family=options.family,
+                             draw=None if options.no_figures else study_pictures)
+    from hydrolab.figures.unit_page import study_unit
+
+    if options.family:  # a copy may keep the name and change the numbers
+        raise BadInput(f"--family was given with {options.card}; the family is one of the paper's "
+                       f"machine, the shipped card {PAPER_CARD}.")
+    return study_unit(options.card, out=options.out, draw=not options.no_figures)
+
+
+def report(options: argparse.Namespace) -> int:
+    """Write a report on the unit of a card, as one page that prints to a clean PDF: what an
+    engineer asks, each answer beside its limit, and where every number comes from.
+    """
+    from hydrolab import rpm
+    from hydrolab.figures.unit_page import report_command
+
+    speeds = {name: rpm(value) for name in ("overspeed", "runaway")
+              if (value := getattr(options, name)) is not None}
+    return report_command(options.card, out=options.out, **speeds)
 
 
 def book(options: argparse.Namespace) -> int:
@@ -273,13 +295,25 @@ def _add_book(command: argparse.ArgumentParser) -> None:
 
 def _add_study(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add("card", nargs="?", default="kaplan-150rpm", metavar="CARD",
-        help="name of a shipped machine card or path of your own TOML file (default: %(default)s)")
+    add("card", nargs="?", default=PAPER_CARD, metavar="CARD",
+        help="name of a shipped machine card or path of your own TOML file (default: %(default)s, "
+             "the paper's unit)")
     add("--out", type=Path, default=Path("hydrolab-study"), metavar="DIR",
-        help="folder for report.json and the figures (default: %(default)s)")
+        help="folder for report.json and the figures or the page (default: %(default)s)")
     add("--family", action="store_true",
         help="judge each claim on the whole family of machines too")
     add("--no-figures", action="store_true", help="compute and report, draw nothing")
+
+
+def _add_report(command: argparse.ArgumentParser) -> None:
+    add = command.add_argument
+    add("card", metavar="CARD",
+        help="name of a shipped machine card or path of your own TOML file")
+    add("--out", type=Path, required=True, metavar="FILE.html", help="the page to write")
+    add("--overspeed", type=float, metavar="RPM", help="of a load rejection (default: 1.4 times "
+        "the rated speed)")
+    add("--runaway", type=float, metavar="RPM", help="speed without load (default: 2.5 times the "
+        "rated speed)")
 
 
 def _add_grade(command: argparse.ArgumentParser) -> None:
@@ -321,7 +355,8 @@ def parser() -> argparse.ArgumentParser:
     commands = top.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for run, add, words in ((lab, _add_lab, "open the course in JupyterLab"),
                             (book, _add_book, "build the static book, or refresh the chapters"),
-                            (study, _add_study, "repeat the paper's study"),
+                            (study, _add_study, "repeat the paper's study, or study your unit"),
+                            (report, _add_report, "write a report on a unit, as one page"),
                             (grade, _add_grade, "mark what a class has handed in"),
                             (show, _add_show, "open the machine in 3D")):
         command = commands.add_parser(run.__name__, help=words, description=run.__doc__)

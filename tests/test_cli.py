@@ -169,12 +169,10 @@ def test_lab_refuses_what_is_no_port(capsys, port):
 
 def test_study_gets_what_was_asked(study, tmp_path):
     assert cli.main(["study"]) == 0
-    assert cli.main(["study", "my-unit.toml", "--out", str(tmp_path), "--family",
-                     "--no-figures"]) == 0
+    assert cli.main(["study", "--out", str(tmp_path), "--family", "--no-figures"]) == 0
     assert study == [
-        (("kaplan-150rpm",), {"out": Path("hydrolab-study"), "family": False,
-                             "draw": study_pictures}),
-        (("my-unit.toml",), {"out": tmp_path, "family": True, "draw": None}),
+        ((), {"out": Path("hydrolab-study"), "family": False, "draw": study_pictures}),
+        ((), {"out": tmp_path, "family": True, "draw": None}),
     ]
 
 

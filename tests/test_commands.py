@@ -23,8 +23,9 @@ INSTALLS = re.compile(r"(pip install|uv pip) .*-c|uv pip compile")
 # The command as shown: what a test adds to it so that it ends soon, and words of its answer.
 RUNS = {
     "hydrolab lab --students handout": ([], "without solutions are in handout"),
-    "hydrolab study": (["jeffcott", "--no-figures"], "claims hold on"),
-    "hydrolab study my-unit.toml": (["--no-figures"], "claims hold on"),
+    "hydrolab study": (["--no-figures"], "claims hold on"),
+    "hydrolab study my-unit.toml": (["--no-figures"], "Balance of generator"),
+    "hydrolab report my-unit.toml --out my-unit.html": ([], "Written to my-unit.html"),
     "hydrolab show --run-sheet 15-minutes --record fallback.html": ([], "without a network"),
     "hydrolab show --eccentricity 8.8 --orbit 3 --record machine.html": ([], "without a network"),
     "hydrolab book --refresh 1": (["--check"], "passed"),

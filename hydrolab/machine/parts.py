@@ -555,10 +555,14 @@ class Machine(Part):
             for name, value in values.items() if isinstance(value, (Part, tuple))}
         return replace(self, **parts, **new.get("", {})) if changes else self
 
-    def __str__(self) -> str:
-        rows = [row for key, (part, name) in self._owners().items()
+    def rows(self) -> list[Sequence[str]]:
+        """Key, quantity, source and note of every number, but of zeros that nobody stated."""
+        return [row for key, (part, name) in self._owners().items()
                 if (row := _row(key, getattr(part, name), numbers_of(type(part))[name],
                                 self.provenance.get(key)))]
+
+    def __str__(self) -> str:
+        rows = self.rows()
         wide = max(len(key) for key, *_ in rows)
         lines = [f"{self.name}: {self.title}" if self.title else self.name]
         lines += textwrap.wrap(self.about, 110, initial_indent="  ", subsequent_indent="  ")

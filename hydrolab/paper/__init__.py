@@ -2,7 +2,7 @@
 
 `study` computes its figures' numbers, `claims` judges each claim, `calibration` finds what the
 paper does not say and the family of machines that share its data, `report` prints and writes the
-result.
+result. `assessment` is what is asked of any unit.
 """
 
 from hydrolab.paper.calibration import (

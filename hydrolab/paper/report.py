@@ -23,6 +23,7 @@ from hydrolab.dynamics.stability import floquet_all
 from hydrolab.errors import BadInput
 from hydrolab.machine.bearings import BEARINGS
 from hydrolab.machine.cards import load_machine
+from hydrolab.machine.model import Model
 from hydrolab.machine.parts import Machine
 from hydrolab.machine.quantities import Part, declared, simplest
 from hydrolab.paper.calibration import (
@@ -42,9 +43,9 @@ SCHEMA = 1
 COLOURS = {"holds": "green", "fails": "red", "not judged": "yellow"}
 
 
-def machine_record(study: Study) -> dict[str, Any]:
-    """The machine in numbers, SI units, enough for another code to rebuild it."""
-    machine, (alpha, beta) = study.machine, study.model.rayleigh
+def machine_record(machine: Machine, model: Model) -> dict[str, Any]:
+    """A machine and its model in numbers, SI units, enough for another code to rebuild it."""
+    alpha, beta = model.rayleigh
     none = {"stiffness": 0.0, "damping": 0.0, "tilt_stiffness": 0.0}
     ratio = part_record(machine.damping) if machine.damping else {"ratio": None}
     record: dict[str, Any] = {
@@ -102,7 +103,7 @@ def report(study: Study, claims: Iterable[Claim],
     check, beyond = study.check, study.beyond
     return {
         "schema": SCHEMA,
-        "machine": machine_record(study),
+        "machine": machine_record(study.machine, study.model),
         "orbits": [orbit_record(o) for o in study.orbits.values()],
         "further_orbits": further_orbits(study),
         "branch": {"static_eccentricity": study.branch.static_eccentricity.tolist(),
@@ -177,22 +178,17 @@ def judged_family(tell: Any) -> tuple[dict[int, Any], int, int]:
     return {claim: tally(verdicts, claim) for claim in range(1, 13)}, len(verdicts), len(members)
 
 
-def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study"),
-                  family: bool = False,
+def study_command(*, out: Path, family: bool = False,
                   draw: Callable[[Study], dict[str, Any]] | None = None) -> int:
-    """Run the study on a card, print its claims, and write report.json and what `draw` makes of the
-    study, pictures by name, into `out`.
+    """Run the study on the paper's machine, print its claims, and write report.json and what `draw`
+    makes of the study, pictures by name, into `out`. family: whether to judge the family too.
 
     report.json is written before the family is run and again after it, so that an interrupt
     (Ctrl-C) loses nothing. Returns 0, or 130 after an interrupt: what was computed until then is
-    printed and written. Raises BadInput for a bad card, for --family with a card other than the
-    paper's machine, or where `out` cannot be written.
+    printed and written. Raises BadInput where `out` cannot be written.
     """
     console = Console(markup=False, highlight=False)  # a machine's name may have brackets
-    machine = load_machine(card)
-    if family and str(card) != FAMILY_CARD:  # a copy may keep the name and change the numbers
-        raise BadInput(f"--family was given with {card}; the family is one of the paper's machine, "
-                       f"the shipped card {FAMILY_CARD}.")
+    machine = load_machine(FAMILY_CARD)
     prepare(out)
     pictures: dict[str, Any] = {}
     counts, cut = None, ""
@@ -223,12 +219,8 @@ def study_command(card: str = FAMILY_CARD, *, out: Path = Path("hydrolab-study")
 
 def summary(study: Study, claims: Sequence[Claim], pictures: dict[str, Any],
             out: Path) -> list[str]:
-    """What is said below the claims: the stretch, readings of pictures, what was written to out."""
+    """What is said below the claims: the readings of pictures, and what was written where."""
     lines = [f"• {picture.reading}" for picture in pictures.values()]
-    if study.scale != 1:
-        lines.insert(0, f"The paper's percentages are stretched by {study.scale:.4g}: on this "
-                        f"machine the first fold is at {100 * study.limit:.3f} %, so its 8.8 % "
-                        f"stands for {100 * study.eccentricity(8.8):.3f} %.")
     held = sum(c.verdict == "holds" for c in claims)
     figures = f" and {len(pictures)} figures." if pictures else "."
     return [*lines, f"{held} of {len(claims)} claims hold on {study.machine.name}. Written to "

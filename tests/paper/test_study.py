@@ -209,7 +209,7 @@ def test_the_report_has_every_number_of_the_machine(study, changes):
     other laws too.
     """
     machine = replace(study.machine, **changes)
-    record = json.loads(json.dumps(machine_record(replace(study, machine=machine))))
+    record = json.loads(json.dumps(machine_record(machine, study.model)))
     assert set(changes) <= set(record)
 
     def leaves(value):
@@ -333,11 +333,12 @@ def test_command_writes_its_report(tmp_path, capsys, monkeypatch):
     import hydrolab.paper.report as module
     monkeypatch.setattr(module, "run_study", lambda machine,
                         tell: run_study(machine, tell, revolutions=60, ramp=20))
-    assert main(["study", "jeffcott", "--out", str(tmp_path), "--no-figures"]) == 0
+    monkeypatch.setattr(module, "FAMILY_CARD", "jeffcott")  # quick, and some claims fail on it
+    assert main(["study", "--out", str(tmp_path), "--no-figures"]) == 0
     record = json.loads((tmp_path / "report.json").read_text())
     assert record["machine"]["shaft"] is None and all(c["family"] is None for c in record["claims"])
     printed = capsys.readouterr().out
-    assert "fails" in printed and "of 12 claims hold" in printed and "stretched" in printed
+    assert "fails" in printed and "of 12 claims hold" in printed
 
 
 def test_a_name_with_brackets_is_printed_as_it_stands(tmp_path, capsys, study, monkeypatch):
@@ -432,9 +433,6 @@ def test_a_folder_that_cannot_be_written_says_so_first(tmp_path, capsys):
     assert "cannot be written" in said and "--out" in said and said.count("\n") == 1
 
 
-def test_a_field_too_strong_ends_in_a_sentence(capsys, tmp_path):
-    card = tmp_path / "strong.toml"
-    card.write_text(card_text("kaplan-150rpm").replace("field = {value = 0.5",
-                                                       "field = {value = 2.0"), encoding="utf-8")
-    assert main(["study", str(card), "--out", str(tmp_path / "out"), "--no-figures"]) == 2
-    assert "too strong for its bearings" in capsys.readouterr().err
+def test_a_field_too_strong_ends_in_a_sentence():
+    with pytest.raises(NoConvergence, match="too strong for its bearings"):
+        run_study(vary(load_machine("kaplan-150rpm"), {"field": 2.0}))
