@@ -30,6 +30,7 @@ INSTRUCTOR = [f"instructor/{path.stem}" for path in sorted(BOOK.glob("instructor
 extensions = ["myst_nb", "sphinx.ext.mathjax", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
 autodoc_default_options = {"ignore-module-all": True}  # each name where it is defined
 autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True  # as they are written: some are arrays
 autodoc_type_aliases = {name: name for name in ("NDArray", "ArrayLike")}
 autosummary_generate = False  # a table, not a page a name
 exclude_patterns = ["_build", "**.ipynb_checkpoints", *([] if INSTRUCTOR else ["instructor"])]
@@ -61,7 +62,7 @@ def read(app, docname, source):
     if docname == "index":
         source[0] += contents(BOOK, INSTRUCTOR)
     elif docname == "api":
-        source[0] += api()
+        source[0] += api(whole=not app.config.live)
     elif docname == "bibliography":
         source[0] = bibliography_page(BOOK)
     elif docname.startswith("instructor/"):
@@ -78,10 +79,12 @@ def read(app, docname, source):
                 for name in names})
 
 
-def api():
-    """The names that `from hydrolab import …` gives, then every module, for autodoc to fill in."""
+def api(whole):
+    """The names that `from hydrolab import …` gives, then every module, for autodoc to fill in;
+    beside the live course, where a cell can ask for help, the names alone.
+    """
     found = [module.name for module in pkgutil.walk_packages(hydrolab.__path__, "hydrolab.")
-             if not re.search(r"__main__|_book", module.name)]
+             if whole and not re.search(r"__main__|_book", module.name)]
     names = "".join(f"   {name}\n" for name in hydrolab.__all__)
     return "\n\n".join([
         f"```{{eval-rst}}\n.. currentmodule:: hydrolab\n\n.. autosummary::\n\n{names}```",

@@ -25,7 +25,7 @@ import tempfile
 import webbrowser
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from hydrolab import __version__
@@ -35,7 +35,7 @@ from hydrolab.course.static_book import record_scenes
 from hydrolab.errors import BadInput
 
 CARDS = Path(__file__).resolve().parents[1] / "machine" / "cards"
-SCRIPT = Path(__file__).with_name("live_page.js")
+SCRIPT, BYTECODE = (Path(__file__).with_name(name) for name in ("live_page.js", "bytecode.js"))
 PYODIDE = "0.27.7"  # what jupyterlite-pyodide-kernel 0.6 is made for
 PUBLIC = f"https://cdn.jsdelivr.net/pyodide/v{PYODIDE}/full/"
 PORT = 8010
@@ -53,8 +53,14 @@ PURE = {"sympy": ("mpmath",), "mpmath": (), "threadpoolctl": (), "tomlkit": (),
         "jupyterlab-widgets": (), "anywidget": ("ipywidgets", "psygnal", "typing-extensions"),
         "psygnal": (), "typing-extensions": (), "comm": ("traitlets",), "traitlets": (),
         "rich": ("markdown-it-py", "pygments"), "markdown-it-py": ("mdurl",), "mdurl": ()}
-# What Pyodide's packages hold or ask for and no chapter uses: 10 MB.
-UNUSED = re.compile(r"scipy/misc/.*\.dat|matplotlib/mpl-data/sample_data/.*")
+# What a chapter has imported when it begins: these modules come as bytecode.
+FIRST = """import IPython, pyodide_kernel, piplite, ipywidgets, anywidget, matplotlib.pyplot
+import matplotlib_inline.backend_inline, hydrolab.figures, hydrolab.explorers"""
+# What Pyodide's packages hold or ask for and no chapter uses: 13 MB.
+UNUSED = re.compile(r"scipy/misc/.*\.dat|scipy/stats/_sobol.*\.npz|scipy/io/_fast_matrix_market/.*"
+                    r"|matplotlib/mpl-data/(sample_data|fonts/(afm|pdfcorefonts))/.*"
+                    r"|matplotlib/mpl-data/fonts/ttf/DejaVu(Serif.*|SansMono-.*)\.ttf"
+                    r"|jedi/third_party/(django-stubs|typeshed/third_party)/.*")
 UNASKED = ("fonttools", "pytz", "openssl")
 OLD_FONTS = (".eot", ".svg", ".ttf")  # for browsers that cannot run the course
 NEEDS = ("numpy", "scipy", "matplotlib", "pillow", *PURE)  # of hydrolab there
@@ -190,30 +196,84 @@ def _distribution(core: Path, target: Path, scenes: str, *, public: bool) -> Non
     for entry in packages.values():
         entry["depends"] = [need for need in entry["depends"] if need not in UNASKED]
     kept = dict(sorted((name, packages[name]) for name in _closure(packages, (*KERNEL, *COURSE))))
-    for name, entry in kept.items():
-        if (target / entry["file_name"]).is_file():
-            continue
-        if public:
+    for entry in kept.values():
+        if public and not (target / entry["file_name"]).is_file():
             entry["file_name"] = PUBLIC + entry["file_name"]
-        elif (core / entry["file_name"]).is_file():
-            _copy_used(core / entry["file_name"], target / entry["file_name"])
-            entry["sha256"] = hashlib.sha256((target / entry["file_name"]).read_bytes()).hexdigest()
-        else:
-            raise BadInput(f"--pyodide has no {entry['file_name']}, which {name} needs; give the "
-                           "full distribution.")
-    text = json.dumps(lock | {"packages": kept}, indent=1)
-    (target / "pyodide-lock.json").write_text(text, encoding="utf-8")
+        elif not public:
+            _copy_used(core, target, entry["file_name"])
+    _write_lock(target, lock | {"packages": kept})
+    if not public:
+        for name, code in _bytecode(core, target, kept).items():
+            _compile(target / kept[name]["file_name"], code, sources=name == "hydrolab")
+        _write_lock(target, lock | {"packages": kept})
 
 
-def _copy_used(source: Path, target: Path) -> None:
-    """Copy a package of the distribution, a wheel without what no chapter uses."""
+def _write_lock(folder: Path, lock: Mapping[str, Any]) -> None:
+    """Write a distribution's lock file, with the checksums of the packages that lie beside it."""
+    for entry in lock["packages"].values():
+        if (path := folder / entry["file_name"]).is_file():
+            entry["sha256"] = hashlib.sha256(path.read_bytes()).hexdigest()
+    (folder / "pyodide-lock.json").write_text(json.dumps(lock, indent=1), encoding="utf-8")
+
+
+def _copy_used(core: Path, folder: Path, name: str) -> None:
+    """Copy a package of the distribution, a wheel without what no chapter uses, where the folder
+    has none.
+    """
+    source, target = core / name, folder / name
+    if target.is_file():
+        return
+    if not source.is_file():
+        raise BadInput(f"--pyodide has no {source.name}, which the course needs; give the full "
+                       "distribution.")
     if source.suffix != ".whl":
         shutil.copyfile(source, target)
         return
-    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w", zipfile.ZIP_DEFLATED) as new:
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
         for item in old.infolist():
             if not UNUSED.fullmatch(item.filename):
-                new.writestr(item, old.read(item))
+                new.writestr(item, old.read(item), zipfile.ZIP_DEFLATED, 9)
+
+
+def _bytecode(core: Path, target: Path, packages: Mapping[str, Mapping[str, Any]],
+              ) -> dict[str, dict[str, bytes]]:
+    """Bytecode of the modules that a chapter imports first, by package and place in its wheel;
+    none where there is no Node to run the distribution's Python.
+    """
+    node = shutil.which("node")
+    if node is None or not (core / "pyodide.mjs").is_file():
+        return {}
+    with tempfile.TemporaryDirectory() as work:
+        made = Path(work, "bytecode.zip")
+        done = subprocess.run([node, BYTECODE, core, target, " ".join(packages), FIRST, made],
+                              capture_output=True, text=True, timeout=300, check=False)
+        if done.returncode:
+            raise BadInput(f"--pyodide has a Python that Node does not run:\n{done.stderr}")
+        with zipfile.ZipFile(made) as archive:
+            code = {item.filename: archive.read(item) for item in archive.infolist()}
+    found = {}
+    for name, entry in packages.items():
+        if entry["file_name"].endswith(".whl"):
+            with zipfile.ZipFile(target / entry["file_name"]) as wheel:
+                found[name] = {place: code[place] for place in wheel.namelist() if place in code}
+    return found
+
+
+def _compile(wheel: Path, bytecode: Mapping[str, bytes], *, sources: bool) -> None:
+    """Put bytecode into a wheel, beside the sources or in their place: Python begins a third
+    sooner, and the folder stays small. Who looks for a source that is gone sees only its name.
+    """
+    compiled = wheel.with_suffix(".compiled")
+    with zipfile.ZipFile(wheel) as old, zipfile.ZipFile(compiled, "w") as new:
+        for item in old.infolist():
+            code, path = bytecode.get(item.filename), PurePosixPath(item.filename)
+            if code is None or sources:
+                new.writestr(item, old.read(item), zipfile.ZIP_DEFLATED, 9)
+            if code is not None:
+                beside = path.parent / "__pycache__" / f"{path.stem}.cpython-312.pyc"
+                new.writestr(str(beside if sources else path.with_suffix(".pyc")), code,
+                             zipfile.ZIP_DEFLATED, 9)
+    compiled.replace(wheel)
 
 
 def _closure(packages: Mapping[str, Mapping[str, Any]], wanted: Iterable[str]) -> set[str]:
@@ -233,13 +293,11 @@ def _closure(packages: Mapping[str, Mapping[str, Any]], wanted: Iterable[str]) -
 def _entry(name: str, wheel: Path, needs: Iterable[str], imports: Iterable[str],
            target: Path) -> dict[str, Any]:
     """A line of the lock file for a wheel, copied into the distribution."""
-    data = wheel.read_bytes()
     if wheel.parent != target:
-        (target / wheel.name).write_bytes(data)
+        shutil.copyfile(wheel, target / wheel.name)
     return {"depends": list(needs), "file_name": wheel.name, "imports": list(imports),
             "install_dir": "site", "name": name, "package_type": "package",
-            "sha256": hashlib.sha256(data).hexdigest(), "unvendored_tests": False,
-            "version": wheel.name.split("-")[1]}
+            "unvendored_tests": False, "version": wheel.name.split("-")[1]}
 
 
 def _own_wheels(target: Path, more: Mapping[str, str]) -> Iterator[Packed]:
@@ -307,7 +365,8 @@ def _font_list(wheel: Path) -> str:
     made["_version"] = int(version) if version.isdigit() else version
     for kind in ("ttflist", "afmlist"):  # a newer Matplotlib's entries have more fields
         made[kind] = [{key: value for key, value in entry.items() if key in FONT_FIELDS}
-                      for entry in made[kind] if entry["fname"].startswith("fonts/")]
+                      for entry in made[kind] if entry["fname"].startswith("fonts/")
+                      and not UNUSED.fullmatch(f"matplotlib/mpl-data/{entry['fname']}")]
     return json.dumps(made)
 
 

@@ -56,7 +56,8 @@ def build(book: Path, out: Path, *, instructor: bool = False, live: Path | None 
             shutil.copytree(scenes, html / "_static" / "scenes", dirs_exist_ok=True)
         if mathjax is not None:
             shutil.copyfile(mathjax, html / "_static" / "tex-svg.js")
-        shutil.copytree(html, out, dirs_exist_ok=True, ignore=shutil.ignore_patterns("*.map"))
+        unused = shutil.ignore_patterns("*.map", "locales")  # the theme's words in 60 languages
+        shutil.copytree(html, out, dirs_exist_ok=True, ignore=unused)
     said = f"{len(list(out.glob('*.html')))} pages; open {out / 'index.html'}"
     return said if mathjax is not None else (
         f"{said}. Formulas stand there as TeX: MathJax was not fetched, because npm is missing or "

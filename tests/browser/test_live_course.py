@@ -9,6 +9,7 @@ import json
 import re
 import subprocess
 import sys
+import zipfile
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -71,6 +72,9 @@ def test_the_folder_is_small_and_complete(site):
     for name, entry in lock["packages"].items():
         assert re.match(r"\d+(\.\d+)+", entry["version"]), name
         assert Path("pyodide", entry["file_name"]) in sizes
+    with zipfile.ZipFile(site / "pyodide" / lock["packages"]["hydrolab"]["file_name"]) as wheel:
+        assert {"hydrolab/figures/style.py", "hydrolab/figures/__pycache__/style.cpython-312.pyc"
+                } <= set(wheel.namelist())
     for chapter in CHAPTERS:
         assert (site / "files" / chapter.name).read_bytes() == chapter.read_bytes()
     for scene in set().union(*pages.SCENES.values()):
