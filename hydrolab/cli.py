@@ -307,8 +307,7 @@ def _add_study(command: argparse.ArgumentParser) -> None:
 
 def _add_report(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
-    add("card", metavar="CARD",
-        help="name of a shipped machine card or path of your own TOML file")
+    add("card", metavar="CARD", help="name of a shipped machine card or path of your own TOML file")
     add("--out", type=Path, required=True, metavar="FILE.html", help="the page to write")
     add("--overspeed", type=float, metavar="RPM", help="of a load rejection (default: 1.4 times "
         "the rated speed)")

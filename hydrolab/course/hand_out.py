@@ -57,5 +57,4 @@ def hand_out(book: Path, files: Iterable[Path], folder: Path) -> str:
         else:
             shutil.copyfile(book / relative, target)
     return (f"{count} chapters without solutions are in {folder}. The checks stay: they tell right "
-            "from wrong and name "
-            "mistakes, and compute their reference when a student asks.")
+            "from wrong and name mistakes, and compute their reference when a student asks.")

@@ -88,8 +88,7 @@ def equilibrium(model: Model, static_eccentricity: float, *, direction: float = 
     for share in np.linspace(0, 1, steps + 1)[1:]:
         y = at(share * whole, y)
     force = model.law.force(model.relative(scale * y, whole))
-    return Equilibrium(model, static_eccentricity, whole, scale * y,
-                       sag + compliance @ force)
+    return Equilibrium(model, static_eccentricity, whole, scale * y, sag + compliance @ force)
 
 
 def largest_offset(model: Model, *, direction: float = math.pi / 2) -> float:

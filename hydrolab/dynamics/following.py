@@ -341,8 +341,7 @@ def _afresh(branch: Branch, along: Path) -> Branch:
     eq, first, direction = along.here.equations, along.first, along.here.direction
     start = None
     with contextlib.suppress(NoConvergence, Contact, BadInput):
-        start = along.balance.solve(eq.model, eq.speed, first, direction=direction,
-                                    start=branch[0])
+        start = along.balance.solve(eq.model, eq.speed, first, direction=direction, start=branch[0])
     to = float(np.copysign(0.5, np.diff(branch.values[:2]).sum()))  # also from a lone point
     return follow(eq.model, speed=eq.speed, to=to, method=cast(Arclength, branch.method),
                   static_eccentricity=first, direction=direction, start=start)

@@ -170,8 +170,7 @@ def undamped_frequencies(model: Model) -> NDArray:
     rounding = 10 * len(K) * np.finfo(float).eps * np.abs(squares).max()
     if squares[0] < -rounding:
         raise BadInput(f"the stiffness matrix has a negative eigenvalue, ω² = {squares[0]:g} "
-                       "(rad/s)²: "
-                       "the rotor is unstable at rest; use `modes`.")
+                       "(rad/s)²: the rotor is unstable at rest; use `modes`.")
     return np.sqrt(np.where(squares > rounding, squares, 0.0))
 
 

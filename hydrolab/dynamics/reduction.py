@@ -87,8 +87,7 @@ def _on(model: Model, basis: NDArray) -> Model:
     return model.on_basis(basis @ scipy.linalg.eigh((K + K.T) / 2, basis.T @ model.M @ basis)[1])
 
 
-def _missing(model: Model, small: Model, speed: float, highest: float,
-             tolerance: float) -> NDArray:
+def _missing(model: Model, small: Model, speed: float, highest: float, tolerance: float) -> NDArray:
     """Answers and free motions below highest, rad/s, that a basis lacks to tolerance, (n, any)."""
     lacking = [np.empty((model.size, 0))]
     for k in range(HARMONICS + 1):

@@ -278,8 +278,7 @@ def sweep_in_time(start: PeriodicOrbit, values: Iterable[float],
         where = ["" if i == len(wanted) else _say(parameter, wanted[i]) for i in passed]
         last = kept[-1] if n < len(wanted) else section[-1].mean(axis=0)
         doubt = _doubt(where, last, CLOSE * start.model.length_scale)
-    return Passage(parameter, wanted[:n], section[..., 0], STILL, stopped, doubt,
-                   system.told)
+    return Passage(parameter, wanted[:n], section[..., 0], STILL, stopped, doubt, system.told)
 
 
 def _doubt(touched: list[str], last: NDArray, near: float) -> str:

@@ -359,8 +359,7 @@ def _look(eq: Condensed, local: NDArray, centres: NDArray, start: Sequence[NDArr
             for v, e, n, c in zip(values, moves, many, certain, strict=True)], there
 
 
-def _judged(values: NDArray, moves: NDArray, outside: int, certain: bool,
-            growth: float) -> Floquet:
+def _judged(values: NDArray, moves: NDArray, outside: int, certain: bool, growth: float) -> Floquet:
     """The verdict from multipliers in the upper half plane, how far each moved, and the count."""
     values, moves = _largest_first(values, moves)
     if not len(values):  # all has died out within a period

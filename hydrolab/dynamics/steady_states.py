@@ -193,8 +193,7 @@ class SteadyStates:
 
 def steady_states(model: Model, *, speed: float, static_eccentricity: float = 0.0,
                   direction: float = math.pi / 2, revolutions: int = 1,
-                  method: Arclength | None = None, starts: int = 40,
-                  seed: int = 0) -> SteadyStates:
+                  method: Arclength | None = None, starts: int = 40, seed: int = 0) -> SteadyStates:
     """All steady states that branches, deflated Newton and continuation find.
 
     speed: rad/s. static_eccentricity: fraction of the gap. direction: gap angle of the offset, rad.

@@ -9,9 +9,8 @@ book shows it with a slider.
 from __future__ import annotations
 
 import base64
+import io
 import json
-import struct
-import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -24,7 +23,6 @@ from PIL import Image
 from hydrolab.figures.picture import as_webp, few_colours
 from hydrolab.figures.style import COLOURS, CSS_DOTS_PER_INCH, house_style
 
-COMPRESSION = 1  # of the PNG: the quickest; larger files do not leave this computer
 MIME = "text/vnd.hydrolab.flipbook"  # JSON as text, so that nbval compares the readings
 FRAMES = 11
 PALETTE = 31  # colours of a frame
@@ -118,19 +116,10 @@ def differing(still: NDArray, now: NDArray) -> bytes:
 
 
 def quick_png(pixels: NDArray) -> bytes:
-    """A PNG of pixels (height, width, 4) of bytes, without filters: in half the usual time."""
-    height, width = pixels.shape[:2]
-    rows = np.zeros((height, 1 + 4 * width), dtype=np.uint8)  # each row begins with its filter, 0
-    rows[:, 1:] = pixels.reshape(height, -1)
-
-    def chunk(kind: bytes, content: bytes) -> bytes:
-        check = zlib.crc32(kind + content)
-        return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", check)
-
-    # 8 bits, RGBA, the only compression and filter
-    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
-    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header)
-            + chunk(b"IDAT", zlib.compress(rows, COMPRESSION)) + chunk(b"IEND", b""))
+    """A PNG of pixels (height, width, 4) of bytes, as fast as can be: it leaves no computer."""
+    stream = io.BytesIO()
+    Image.fromarray(pixels).save(stream, "png", compress_level=1)
+    return stream.getvalue()
 
 
 class Frame(NamedTuple):

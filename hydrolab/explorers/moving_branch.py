@@ -81,8 +81,7 @@ class BranchView(View):
         self.orbits = [self.line(axes) for _ in range(SEVERAL)]
         self.names = [axes.annotate("", (0.98, 0.97 - 0.06 * i), xycoords="axes fraction",
                                     ha="right", va="top", fontsize=13) for i in range(SEVERAL)]
-        self.stator = self.line(axes, "x", color=COLOURS["stator"], markersize=8,
-                                markeredgewidth=2)
+        self.stator = self.line(axes, "x", color=COLOURS["stator"], markersize=8, markeredgewidth=2)
         self.none = axes.annotate("", (0.5, 0.04), xycoords="axes fraction", ha="center",
                                   fontsize=14, color=COLOURS["unstable"])
         self.kept.moves(*self.names, self.none)

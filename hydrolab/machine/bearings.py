@@ -374,8 +374,7 @@ class ThrustBearing(Bearing):
     out_of_square: float = number_field("rad", "lean of the collar's face against the shaft, which "
                                         "turns with it", default=0.0, example=1e-4)
     phase: float = number_field("rad", "angle that the face leans to, from an unbalance of phase "
-                                "0, with the spin", default=0.0, example=(90, "deg"),
-                                mirrored=True)
+                                "0, with the spin", default=0.0, example=(90, "deg"), mirrored=True)
 
     def matrices(self, speed: float = 0.0) -> tuple[NDArray, NDArray]:
         """Stiffness, N m/rad, and damping, N m s/rad."""

@@ -291,8 +291,7 @@ def read_card(name_or_path: str | Path) -> dict[str, Any]:
     # a number of thousands of digits, brackets a thousand deep
     except (ValueError, RecursionError):
         raise BadInput(f"{shown(str(name_or_path))} is not TOML that can be read: a number is too "
-                       "long or "
-                       "brackets are too deep.") from None
+                       "long or brackets are too deep.") from None
 
 
 def load_machine(name_or_path: str | Path) -> Machine:

@@ -387,8 +387,7 @@ class Model:
             self, **{name: getattr(self, name) + size[name] * getattr(change, name)
                      for name in ARRAYS},
             law=law, gap=new.gap, depths=new.depths, supports=change.supports,
-            origin=replace(origin, machine=machine, assembled=new,
-                           law=origin.law if own else law))
+            origin=replace(origin, machine=machine, assembled=new, law=origin.law if own else law))
 
     def _made(self) -> Origin:
         if self.origin is None:
