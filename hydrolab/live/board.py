@@ -36,7 +36,9 @@ WIDTH, PAD, LINE = 0.6, 0.3, 1.45  # em: of a letter on average, beside the word
 
 @dataclass(eq=False)
 class Label:
-    """A text that faces the camera. em: height of its letters, m; anchor: as viser has it."""
+    """A text that faces the camera. place: in its parent's frame, m; em: height of its letters, m;
+    anchor: as viser has it.
+    """
 
     handle: Any
     text: str
@@ -62,7 +64,9 @@ class Label:
             self.handle.position = self.place
 
     def corners(self, right: NDArray, up: NDArray) -> NDArray:
-        """Two opposite corners of its box, m, for a camera with these directions, (2, 3)."""
+        """Two opposite corners of its box, m, for a camera with these directions, (2, 3); all in
+        its parent's frame.
+        """
         row, column = self.anchor.split("-")
         wide, high = self.em * (WIDTH * len(self.text) + 2 * PAD), self.em * LINE
         x = {"left": 0.0, "center": -0.5, "right": -1.0}[column]
@@ -76,9 +80,15 @@ HALF, WIDE, HIGH, MARGIN = 3.1, 5.3, 2.7, 0.35
 ORBIT = np.array([0.0, 2.6])  # middle of the orbit's square on the board
 BRANCH = np.array([-0.42 * WIDE, -4.75])  # where the branch's axes meet
 LOW, TOP, SIDE = -6.1, ORBIT[1] + HALF + MARGIN, HALF + MARGIN
+HEAD = 1.0  # of the line above the board
 TAIL, LONG = 24, 0.45  # segments of the tail, and its length in revolutions
 FILLED = 0.8  # of half the square, by the farthest point of the orbit
 WALL = 256  # points of the gap's wall
+
+
+def bottom(branch: bool) -> float:
+    """The lower edge of a board with a branch or without."""
+    return LOW if branch else ORBIT[1] - HALF - 0.7
 
 
 def round_down(value: float) -> float:
@@ -99,7 +109,8 @@ def lines_of(points: NDArray, dashed: bool = False) -> NDArray:
 
 @dataclass(eq=False)
 class Board:
-    """The board of one scene; `place` and `turn` put it beside the machine.
+    """The board of one scene. `place` puts it beside the machine, or `above` it where a picture is
+    higher than wide; `turn` has it face the first view.
 
     unit: of the drawing, m. reach: of the branch's axes, % and µm. times: how much larger than in
     the machine the orbit is drawn. mean: what it is drawn about, m. labels: what is written on it,
@@ -109,6 +120,7 @@ class Board:
     server: ViserServer
     unit: float
     place: NDArray
+    above: NDArray
     turn: NDArray
     labels: dict[str, Label] = field(default_factory=dict)
     moving: dict[str, Any] = field(default_factory=dict)
@@ -119,14 +131,18 @@ class Board:
 
     def __post_init__(self) -> None:
         scene = self.server.scene
-        scene.add_frame("/board", show_axes=False, position=self.place,
-                        wxyz=np.roll(Rotation.from_matrix(self.turn).as_quat(), 1))
+        self.stand(scene, tall=False)
         ball = {"color": rgb(PAINT), "cast_shadow": False}
         self.moving["dot"] = scene.add_icosphere("/board/dot", 0.13 * self.unit, **ball)
         self.moving["ball"] = scene.add_icosphere("/board/ball", 0.2 * self.unit, visible=False,
                                                   **ball)
 
     # ------------------------------------------------------------------ where things are
+
+    def stand(self, scene: Any, tall: bool) -> None:
+        """Put the board where it is seen, for all or in the scene of one client."""
+        scene.add_frame("/board", show_axes=False, position=self.above if tall else self.place,
+                        wxyz=np.roll(Rotation.from_matrix(self.turn).as_quat(), 1))
 
     def flat(self, points: NDArray, above: float = 0.02) -> NDArray:
         """Points (…, 2) of the board in its frame, m."""
@@ -142,9 +158,10 @@ class Board:
         share = np.stack([eccentricity / self.reach[0], first / self.reach[1]], axis=-1)
         return BRANCH + share * [WIDE, HIGH]
 
-    def picked(self, origin: NDArray, direction: NDArray) -> tuple[float, float]:
+    def picked(self, origin: NDArray, direction: NDArray, tall: bool) -> tuple[float, float]:
         """Eccentricity, %, and 1X, µm, under a ray in the scene; nan where it misses the board."""
-        start, along = self.turn.T @ (origin - self.place), self.turn.T @ direction
+        place = self.above if tall else self.place
+        start, along = self.turn.T @ (origin - place), self.turn.T @ direction
         if abs(along[2]) < 1e-9:
             return math.nan, math.nan
         at = (start - along * start[2] / along[2])[:2] / self.unit
@@ -152,11 +169,13 @@ class Board:
         inside = (share > -0.05).all() and (share < 1.1).all()
         return tuple((share * self.reach).tolist()) if inside else (math.nan, math.nan)
 
-    def corners(self) -> NDArray:
-        """The board's corners in the scene, m, (4, 3)."""
-        low = LOW if self.branch else ORBIT[1] - HALF - 3.0 * MARGIN
-        flat = np.array([[x, y] for x in (-SIDE, SIDE) for y in (low, TOP)])
-        return self.flat(flat) @ self.turn.T + self.place
+    def corners(self, tall: bool, orbit: bool = False) -> NDArray:
+        """The corners in the scene, m, (4, 3), of the board and what is written above it; of the
+        `orbit` alone.
+        """
+        low = bottom(self.branch and not orbit)
+        flat = np.array([[x, y] for x in (-SIDE, SIDE) for y in (low, TOP + HEAD)])
+        return self.flat(flat) @ self.turn.T + (self.above if tall else self.place)
 
     # ------------------------------------------------------------------ drawing
 
@@ -172,21 +191,20 @@ class Board:
         """Write a text on the board, or change it."""
         label = self.labels.get(name)
         if label is None:
-            place = self.flat(np.asarray(at), 0.1) @ self.turn.T + self.place
-            label = self.labels[name] = Label.add(self.server, f"/words/{name}", text, place,
+            place = self.flat(np.asarray(at), 0.1)
+            label = self.labels[name] = Label.add(self.server, f"/board/words/{name}", text, place,
                                                   EM * size * self.unit, anchor)
-        label.say(text, self.flat(np.asarray(at), 0.1) @ self.turn.T + self.place)
+        label.say(text, self.flat(np.asarray(at), 0.1))
 
     def dress(self, dark: bool) -> None:
         """The plate and its frames, light or dark."""
         plate, frame = ((46, 50, 58), (120, 130, 145)) if dark else ((251, 252, 253),
                                                                     (150, 160, 172))
-        low = LOW if self.branch else ORBIT[1] - HALF - 3.0 * MARGIN
-        u = self.unit
+        low, u = bottom(self.branch), self.unit
         block = solids.box(-SIDE * u, 2 * SIDE * u, 1.0, -0.06 * u, 0.0)
         block[0][:, 1] = u * np.where(block[0][:, 1] > 0, TOP, low)
         self.server.scene.add_mesh_simple("/board/plate", *block, color=plate, side="double",
-                                          cast_shadow=True, receive_shadow=False)
+                                          cast_shadow=False, receive_shadow=False)
         square = ORBIT + HALF * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]])
         cross = ORBIT + HALF * np.array([[[-1, 0], [1, 0]], [[0, -1], [0, 1]]])
         self.line("square", np.concatenate([lines_of(square.T), 0.06 * (cross - ORBIT) + ORBIT]),
@@ -276,7 +294,7 @@ class Board:
         step = round_down(0.6 * self.reach[0])
         for k, share in enumerate((0.0, step)):
             self.write(f"tick {k}", f"{share:g} %", self.on_branch(share, 0.0) - [0, 0.3])
-        self.write("eccentricity", "static eccentricity", BRANCH + [0.62 * WIDE, -0.75])
+        self.write("eccentricity", "static eccentricity", BRANCH + [0.62 * WIDE, -0.9])
         height = round_down(0.9 * self.reach[1])
         self.write("height", f"{height:g} µm", self.on_branch(0.0, height) + [0.12, 0],
                    "center-left")

@@ -17,6 +17,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,33 +33,29 @@ from hydrolab.live.surroundings import ASPECT, PORTRAIT
 if TYPE_CHECKING:
     from hydrolab.live.scene import MachineScene
 
-FOLDS = 1.0  # s until a page has its panel
 PERIOD = 0.1  # s between looks at what the scene shows
 GLIDE = 2.0  # s; in which a step of the run sheet brings the machine to its settings
-STEP = 1 / 12  # of a revolution, for the step button
-# viser's own warnings at the foot of the panel, where they cover neither machine nor words; what
-# lies under them can be clicked
-STYLE = """<style>.mantine-Notifications-root {left: auto !important; right: 0;
-top: auto !important; bottom: 0 !important; width: 18em !important; font-size: 0.8em}
-.mantine-Notifications-root, .mantine-Notifications-root :not(button) {
-pointer-events: none !important}
-.mantine-Notifications-root button {pointer-events: auto}</style>"""
+SLOW = 40.0  # times slower than the machine
+MOTIONS = {"slow": 0.0, "one turn": 1.0, "step": 1 / 12}  # and how many revolutions
+AGAIN = "jump again"
+MOVES = ("slow: once more for the pace of before. one turn, or a twelfth of it, and stop. jump "
+         "again: with the other ending, where there is one")
+STYLE = f"<style>{Path(__file__).with_name('panel.css').read_text(encoding='utf-8')}</style>"
+# on a phone what is told is folded away
+MORE = '<label class="more"><input type="checkbox" id="more"> more</label>'
 ENDS = {-1: ("This is the first step", "next goes on from here."),
         1: ("That was the last step", "back shows the one before; again shows this one.")}
 
 
-def big_number(smallest_gap: float, reading: str) -> str:
-    """The smallest gap (m, inf where there is none), large, and the reading, which a screen reader
-    says when it changes.
+def big_number(smallest_gap: float, happened: str, reading: str) -> str:
+    """The smallest gap (m, inf where there is none), large, what happened, and the reading, which a
+    screen reader says when it changes.
     """
-    number = ""
-    if math.isfinite(smallest_gap):
-        number = (f'<div style="font-size: 2.7em; font-weight: 600; line-height: 1.1">'
-                  f'{1e3 * smallest_gap:.2f}<span style="font-size: 0.5em"> mm</span></div>'
-                  '<div style="font-size: 18px; opacity: 0.75">smallest gap</div>')
-    return (f'<div style="padding: 0.6em 0.9em 0.3em">{number}<div role="status" '
-            'aria-live="polite" style="font-size: 0.85em; line-height: 1.4; margin-top: 0.5em">'
-            f'{escape(reading)}</div></div>')
+    number = (f'<div class="number">{1e3 * smallest_gap:.2f}<small> mm</small></div>'
+              '<div class="unit">smallest gap</div>' if math.isfinite(smallest_gap) else "")
+    return (f'<div class="told">{number}<div role="status" aria-live="polite">'
+            f'<div class="happened">{escape(happened)}</div>'
+            f'<div class="reading">{escape(reading)}</div></div></div>')
 
 
 def room_words(step: Step, opened: bool = False, counts: Sequence[int] = ()) -> str:
@@ -73,9 +70,7 @@ def room_words(step: Step, opened: bool = False, counts: Sequence[int] = ()) -> 
         rows.append(f"<b>{row}</b>" if opened and CHOICES[k] == step.answer else row)
     if opened:
         rows.append(escape(step.see))
-    parts = "".join(f'<div style="margin-top: 0.3em">{row}</div>' for row in rows)
-    return ('<div style="padding: 0.2em 0.9em 0.6em; font-size: 18px; line-height: 1.35">'
-            f"{parts}</div>")
+    return f'<div class="room">{"".join(f"<div>{row}</div>" for row in rows)}</div>'
 
 
 def presenter_words(sheet: RunSheet, place: int, done: str = "", counts: Sequence[int] = ()) -> str:
@@ -86,14 +81,13 @@ def presenter_words(sheet: RunSheet, place: int, done: str = "", counts: Sequenc
     before = sum(earlier.minutes for earlier in sheet.steps[:place])
     ahead = sheet.steps[place + 1].cue if place + 1 < len(sheet.steps) else "This is the last step."
     votes = " · ".join(f"{letter} {count}" for letter, count in zip(CHOICES, counts, strict=False))
-    rows = "".join(f'<div style="margin-top: 0.4em"><b>{name}</b> {escape(text)}</div>'
+    rows = "".join(f"<div><b>{name}</b> {escape(text)}</div>"
                    for name, text in (("Say", step.cue), ("Done", done),
                                       ("Votes", votes if step.poll else ""), ("Next", ahead))
                    if text)
     where = (f"{escape(sheet.title)}: step {place + 1} of {len(sheet.steps)}, "
              f"minute {before:g} to {before + step.minutes:g} of {sheet.minutes:g}")
-    return ('<div style="padding: 0.2em 0.9em 0.5em; font-size: 0.9em; line-height: 1.4">'
-            f"{where}{rows}</div>")
+    return f'<div class="presenter">{where}{rows}</div>'
 
 
 TOLD = {"static_eccentricity": ("static eccentricity", 100.0, " %"),
@@ -178,13 +172,15 @@ class Controls:
         self.server, self.scene, self.pin, self.sheet = server, scene, pin, sheet
         self.panels: dict[int, Panel] = {}
         self.views: dict[int, str] = {}  # what each client looks at
+        self.tall: set[int] = set()  # the clients whose board is above the machine
         self.place = 0  # the step of the run sheet that is shown
         self.opened, self.done = False, ""
         self.poll = Poll()
         self.ballots: dict[int, Any] = {}
+        self.pace = 8.0  # slow motion before it was made slower
         self.followed: object = None  # what the panels show
         server.gui.main_panel.dock_right()
-        server.gui.add_html(STYLE, order=-1)
+        server.gui.add_html(STYLE + MORE, order=-1)
         self.big = server.gui.add_html("", order=0)
         self.asked = server.gui.add_html("", order=1)
         self.go_to(0, slowly=False)
@@ -205,9 +201,6 @@ class Controls:
                 self._add_pin_field(client, self.pin)
             elif is_loopback(address_of(client)):
                 self.add_controls(client)
-        if aspect_of(client) < PORTRAIT:  # on a phone the panel is folded, once it is there
-            await asyncio.sleep(FOLDS)
-            client.gui.main_panel.minimize()
 
     def _turned(self, client: ClientHandle) -> Callable[[Any], Any]:
         """What to do when a client's camera moves: nothing, unless its window has another shape."""
@@ -224,6 +217,7 @@ class Controls:
         """Drop the panel of a client that has gone."""
         self.panels.pop(client.client_id, None)
         self.views.pop(client.client_id, None)
+        self.tall.discard(client.client_id)
         self.ballots.pop(client.client_id, None)
         self.poll.forget(client.client_id)
 
@@ -239,7 +233,9 @@ class Controls:
                 for panel in list(self.panels.values()):
                     for follow in panel.follow:
                         follow()
-            if (words := big_number(self.scene.smallest_gap, self.scene.reading)) != said:
+            happened, whole = self.scene.shown.words, self.scene.reading
+            words = big_number(self.scene.smallest_gap, happened, whole.removeprefix(happened))
+            if words != said:
                 self.big.content = said = words
             await asyncio.sleep(PERIOD)
 
@@ -280,9 +276,13 @@ class Controls:
         """Move the camera of one client, and nobody else's, to where its window shows the whole
         view.
         """
-        self.views[client.client_id] = view
-        position, target = self.scene.views[view].camera(aspect_of(client))
+        self.views[client.client_id], aspect = view, aspect_of(client)
+        position, target = self.scene.views[view].camera(aspect)
+        tall = aspect < PORTRAIT and self.scene.views[view].board
         with client.atomic():
+            if tall != (client.client_id in self.tall):
+                self.scene.board.stand(client.scene, tall)
+                self.tall ^= {client.client_id}
             client.camera.up_direction = tuple(self.scene.sizes.up)
             client.camera.position = position
             client.camera.look_at = target
@@ -333,30 +333,42 @@ class Controls:
         if self.sheet:
             with gui.add_folder("run sheet", order=3):
                 self._add_sheet(panel, self.sheet)
-        with gui.add_folder("machine", order=4):
+        unfolded = aspect_of(client) >= PORTRAIT
+        with gui.add_folder("machine", order=4, expand_by_default=unfolded):
             for slider in MACHINE:
                 self._add_slider(panel, slider)
             self._add_orbits(panel)
-        with gui.add_folder("picture", order=5):
+        with gui.add_folder("picture", order=5, expand_by_default=unfolded):
             for slider in PICTURE:
                 self._add_slider(panel, slider)
             self._bind(panel, gui.add_checkbox("play", self.scene.settings.playing), "playing")
-            step = gui.add_button("step", hint="stop, and go on by a twelfth of a revolution")
             for name in ("names", "dark"):
                 self._bind(panel, gui.add_checkbox(name, getattr(self.scene.settings, name)), name)
 
-        @step.on_click
-        async def one_step(event: GuiEvent) -> None:
-            self.scene.change(playing=False)
-            self.scene.step(STEP)
+        again = (AGAIN,) if self.scene.live.legs is not None else ()
+        motion = gui.add_button_group("motion", (*MOTIONS, *again), order=2.5, hint=MOVES)
 
-        if self.scene.live.legs is not None:
+        @motion.on_click
+        async def moved(event: GuiEvent) -> None:
+            self._move(motion.value)
+
+        if again:
             self._add_branch(client)
+
+    def _move(self, motion: str) -> None:
+        """Slow, or as before; the jump again; or by a part of a turn, and stop."""
+        if motion == AGAIN:
+            self.scene.again()
+        elif motion == "slow":
+            now = self.scene.settings.slow_motion
+            self.pace = now if now != SLOW else self.pace
+            self.scene.change(playing=True, slow_motion=self.pace if now == SLOW else SLOW)
+        else:
+            self.scene.go_on(MOTIONS[motion])
 
     def _add_branch(self, client: ClientHandle) -> None:
         """Let a client go to where it clicks on the branch; the plate to click on is its own."""
-        board, again = self.scene.board, client.gui.add_button(
-            "the jump once more", order=6, hint="with the other ending, where there is one")
+        board = self.scene.board
         plate = solids.box(0.0, WIDE * board.unit, 1.12 * HIGH * board.unit, 0.0, 0.01 * board.unit)
         low = board.flat(BRANCH + [0.0, 0.56 * HIGH])
         target = client.scene.add_mesh_simple("/board/branch to click", *plate, position=low,
@@ -365,13 +377,10 @@ class Controls:
         @target.on_click
         async def clicked(event: Any) -> None:
             eccentricity, first = board.picked(np.array(event.ray_origin),
-                                               np.array(event.ray_direction))
+                                               np.array(event.ray_direction),
+                                               client.client_id in self.tall)
             if math.isfinite(eccentricity):
                 self.scene.go_to(eccentricity / 100, 1e-6 * first)
-
-        @again.on_click
-        async def fly(event: GuiEvent) -> None:
-            self.scene.again()
 
     def _add_slider(self, panel: Panel, slider: Slider) -> None:
         low, high = (round(slider.units * bound, 6) for bound in self.scene.limits[slider.name])

@@ -170,6 +170,7 @@ class MachineScene:
         self.jump: Jump | None = None
         self.flight: Flight | None = None
         self._begun, self.held, self._landed = 0.0, False, 0
+        self._until = math.inf  # the phase at which it stops
         self._eased = 0.0  # s since what is drawn set out for `where`
         self._glide: tuple[SceneSettings, SceneSettings, float, float] | None = None
         self.track: deque[tuple[float, float, float]] = deque(maxlen=KEPT)
@@ -198,6 +199,8 @@ class MachineScene:
         """
         with self._lock:
             self.settings, self._glide = self._checked(self.settings, settings), None
+            if "playing" in settings:
+                self._until = math.inf
             self._wished(settings)
         self._wake.set()
         if self._thread is None:
@@ -223,12 +226,13 @@ class MachineScene:
         self._wish = tuple(getattr(self.settings, name) if name in settings else wish
                            for name, wish in zip(("exaggeration", "bow"), self._wish, strict=True))
 
-    def step(self, revolutions: float) -> None:
-        """Turn the machine on by so many revolutions."""
-        self.phase += 2 * math.pi * float(revolutions)
-        self._wake.set()
+    def go_on(self, revolutions: float) -> None:
+        """Turn on by so many revolutions, in slow motion, and stop."""
+        until = self.phase + 2 * math.pi * revolutions
         if self._thread is None:
-            self.draw(self.phase)
+            self.phase = until
+        self.change(playing=True)
+        self._until = until
 
     def again(self) -> None:
         """Show the motion over the edge once more, with the other ending where there is one."""
@@ -536,6 +540,9 @@ class MachineScene:
             if self.settings.playing and not self.held:
                 slow = self.settings.slow_motion if self.flight is None else SLOWED
                 self.phase += self.machine.speed / slow * (now - last)
+                if self.phase >= self._until:
+                    self.phase = self._until
+                    self.change(playing=False)
             last = now
             self.draw(self.phase)
             if viewers:

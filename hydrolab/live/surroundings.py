@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from viser import ViserServer
 
-from hydrolab.live.board import EM, HALF, LOW, MARGIN, ORBIT, SIDE, TOP, Board, Label
+from hydrolab.live.board import EM, SIDE, TOP, Board, Label, bottom
 from hydrolab.live.bodies import Sizes, bearing_places, drawn_radius
 from hydrolab.machine.parts import Machine
 
@@ -25,8 +25,10 @@ from hydrolab.machine.parts import Machine
 LENS = math.radians(32)
 RISE = 0.36  # rad; how far above the horizon the first view stands
 ASPECT = 1.36  # width over height of the picture beside the panel on a screen of 1366 × 768
-LINE_GAP = 1.5  # em between two names
-PORTRAIT = 0.9  # below this a picture shows the machine or the board, not both
+LINE_GAP = 3.0  # em between two names: from above they come nearer to one another
+PORTRAIT = 0.9  # below this a picture has the board above the machine, not beside it
+# of the height of such a picture: what lies under the folded panel, and under a warning
+FOOT, STRIP = 0.25, 0.05
 ROOM = 1.04  # what a view shows, over what it must show
 
 Point = tuple[float, float, float]
@@ -48,75 +50,114 @@ def floor_of(sizes: Sizes) -> float:
 
 def add_board(server: ViserServer, sizes: Sizes, branch: bool) -> Board:
     """The board to the left of the machine, facing the first view; on the ground."""
-    u, turn = sizes.unit, turn_of(sizes, RISE)
-    low = LOW if branch else ORBIT[1] - HALF - 3.0 * MARGIN
+    u, turn, low = sizes.unit, turn_of(sizes, RISE), bottom(branch)
     half, raised = 1.3 * max(sizes.stator, 1.2 * u), -0.5 * (low + TOP) * u
     middle = 0.5 * (sizes.top + sizes.bottom) + 0.5 * u
     if sizes.lying:
         half, raised = 0.5 * (sizes.top - sizes.bottom) + u, floor_of(sizes) - low * u
     aside = half + (SIDE + 0.3) * u
     place = [0.0, 0.0, middle] - aside * turn[:, 0] + raised * turn[:, 1]
-    return Board(server, u, place, turn, branch=branch)
+    along, over = (whole(sizes) @ turn).T[:2]
+    above = turn @ np.array([0.5 * (along.max() + along.min()), over.max() + (0.4 - low) * u, 0.0])
+    return Board(server, u, place, above, turn, branch=branch)
+
+
+def around(sizes: Sizes, height: float, share: float = 1.0) -> NDArray:
+    """Points around the machine at a height, (12, 3) m."""
+    wide = share * max(1.2 * sizes.stator, 1.5 * sizes.unit)
+    return np.array([[wide * math.cos(a), wide * math.sin(a), height]
+                     for a in np.linspace(0, 2 * math.pi, 12, endpoint=False)])
+
+
+def whole(sizes: Sizes) -> NDArray:
+    """Points around the whole machine, m, (P, 3)."""
+    u = sizes.unit
+    return np.concatenate([around(sizes, sizes.top + 0.6 * u),
+                           around(sizes, sizes.middle - 0.75 * sizes.height),
+                           around(sizes, sizes.bottom - 0.9 * u, 0.55)])
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What a camera shall show: points in the scene, m, (P, 3), and labels with their boxes."""
+
+    points: NDArray
+    labels: tuple[Label, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What a camera shall show. turn: its directions, as of `turn_of`. points: in the scene, m,
-    (P, 3). labels: whose boxes it shows too. beside, above: more points and labels,
-    where there is room.
+    """What a camera shall show. turn: its directions, as of `turn_of`. wide: in a picture
+    wider than high; tall: in another, with the board above the machine where `board`. names: none
+    of them is shown in part.
     """
 
     turn: NDArray
-    points: NDArray
-    labels: tuple[Label, ...] = ()
-    beside: NDArray | None = None
-    above: tuple[Label, ...] = ()
+    wide: Sight
+    tall: Sight
+    board: bool = True
+    names: tuple[Label, ...] = ()
 
     def camera(self, aspect: float) -> tuple[Point, Point]:
         """Position and target of a camera as near as it may be to show all of it in a picture of
-        this width over height.
+        this width over height, above the folded panel where that is tall.
         """
-        turn, labels, more = self.turn, list(self.labels), []
-        if self.beside is not None and aspect >= PORTRAIT:
-            more = [self.beside]
-            labels += self.above
-        boxes = [label.corners(turn[:, 0], turn[:, 1]) for label in labels]
-        a, b, c = (np.concatenate([self.points, *boxes, *more]) @ turn).T
-        high = math.tan(LENS / 2) / ROOM
-        wide = aspect * high
-        # |a − x| ≤ wide (d − c) for all points, and the same for b
-        right, left = (a + wide * c).max(), (-a + wide * c).max()
-        over, under = (b + high * c).max(), (-b + high * c).max()
-        away = max((right + left) / (2 * wide), (over + under) / (2 * high))
-        target = turn @ np.array([(right - left) / 2, (over - under) / 2, float(c.mean())])
+        turn, sight = self.turn, self.tall if aspect < PORTRAIT else self.wide
+        foot, strip = (FOOT, STRIP) if aspect < PORTRAIT else (0.0, 0.0)
+        edge = math.tan(LENS / 2)
+        high = edge / ROOM
+        wide, up, down = aspect * high, (1 - 2 * strip) * high, (1 - 2 * foot) * high
+        boxes = [label.corners(turn[:, 0], turn[:, 1]) @ turn for label in sight.labels]
+        rest = [label.corners(turn[:, 0], turn[:, 1]) @ turn for label in self.names
+                if label not in sight.labels]
+        shown = np.concatenate([sight.points @ turn, *boxes])
+        while True:
+            a, b, c = shown.T
+            # |a − x| ≤ wide (d − c) for all points, −down (d − c) ≤ b − y ≤ up (d − c)
+            right, left = (a + wide * c).max(), (-a + wide * c).max()
+            over, under = (b + up * c).max(), (-b + down * c).max()
+            away = max((right + left) / (2 * wide), (over + under) / (up + down))
+            x, y = (right - left) / 2, (over - under + (down - up) * away) / 2
+            cut = next((box for box in rest
+                        if _is_cut(box - [x, y, away], wide, up, down, edge)), None)
+            if cut is None:
+                break
+            shown = np.concatenate([shown, cut])
+            rest = [box for box in rest if box is not cut]
+        target = turn @ np.array([x, y, float(c.mean())])
         position = target + (away - c.mean()) * turn[:, 2]
         return tuple(position.tolist()), tuple(target.tolist())
+
+
+def _is_cut(box: NDArray, wide: float, up: float, down: float, edge: float) -> bool:
+    """Whether a box, two corners as seen from the camera, is in a picture in part. edge: where the
+    picture ends above; what covers its foot begins at `down`.
+    """
+    (left, low), (right, top) = box[:, :2] / -box[:, 2:]
+    aside = wide * ROOM
+    seen = left < aside and right > -aside and low < edge and top > -down * ROOM
+    return bool(seen and (left < -wide or right > wide or low < -down or top > up))
 
 
 def views_of(sizes: Sizes, names: Names, board: Board) -> dict[str, View]:
     """What each view shows: the machine, the air gap from above, the lower end, and the orbit as
     seen along the axis.
     """
-    u, wide = sizes.unit, max(1.2 * sizes.stator, 1.5 * sizes.unit)
-    around = np.array([[wide * math.cos(a), wide * math.sin(a), 0.0]
-                       for a in np.linspace(0, 2 * math.pi, 12, endpoint=False)])
-
-    def at(height: float, share: float = 1.0) -> NDArray:
-        return share * around + [0.0, 0.0, height]
-
-    middle, half = sizes.middle, 0.75 * sizes.height
-    whole = np.concatenate([at(sizes.top + 0.6 * u), at(middle - half),
-                            at(sizes.bottom - 0.9 * u, 0.55)])
-    corners, board_words = board.corners(), (names.gap,) if names.gap else ()
-    near = [label for label in names.names if abs(label.place[2] - middle) < 0.6 * sizes.height]
-    low = [label for label in names.names if label.place[2] < sizes.bottom + 2.5 * u]
-    first, steep, flat = (turn_of(sizes, rise) for rise in (RISE, 0.85, 0.3))
-    return {"machine": View(first, whole, tuple(names.names), corners, (names.scale, *board_words)),
-            "air gap": View(steep, np.concatenate([at(middle + half), at(middle - half)]),
-                            tuple(near)),
-            "lower end": View(flat, np.concatenate([at(sizes.bottom - 0.9 * u, 0.5),
-                                                   at(sizes.bottom + 2.4 * u, 0.3)]), tuple(low)),
-            "along the axis": View(first, corners, board_words)}
+    u, middle, half = sizes.unit, sizes.middle, 0.75 * sizes.height
+    low = np.concatenate([around(sizes, sizes.bottom - 0.9 * u, 0.5),
+                          around(sizes, sizes.bottom + 2.4 * u, 0.3)])
+    near = tuple(label for label in names.names
+                 if abs(label.place[2] - middle) < 0.6 * sizes.height)
+    lowest = tuple(label for label in names.names if label.place[2] < sizes.bottom + 2.5 * u)
+    every = (*names.names, names.scale)
+    gap = Sight(np.concatenate([around(sizes, middle + half), around(sizes, middle - half)]), near)
+    end = Sight(low, (*lowest, names.scale))
+    machine = [Sight(np.concatenate([whole(sizes), board.corners(tall)]), every)
+               for tall in (False, True)]
+    axis = [Sight(board.corners(tall, orbit=not tall)) for tall in (False, True)]
+    first, steep, flat = (turn_of(sizes, rise) for rise in (RISE, 0.75, 0.3))
+    return {"machine": View(first, *machine), "air gap": View(steep, gap, gap, False, every),
+            "lower end": View(flat, end, end, False, every), "along the axis": View(first, *axis)}
 
 
 def add_lines(server: ViserServer, path: str, lines: NDArray, colours: Any,
@@ -223,5 +264,6 @@ def add_names(server: ViserServer, machine: Machine, sizes: Sizes, depths: NDArr
                       "top-center")
     if gap is None:
         return Names(names, None, scale)
-    top = board.flat(np.array([0.0, TOP + 0.15]), 0.1) @ board.turn.T + board.place
-    return Names(names, Label.add(server, "/gap", "…", top, 1.35 * EM * u, "bottom-center"), scale)
+    above = board.flat(np.array([0.0, TOP + 0.15]), 0.1)
+    return Names(names, Label.add(server, "/board/words/gap", "…", above, 1.35 * EM * u,
+                                  "bottom-center"), scale)

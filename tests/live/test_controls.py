@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hydrolab.live.gate import FIRST_WAIT, GUESSES, RATE, Pin, Poll, new_digits
-from hydrolab.live.panel import Controls, big_number, presenter_words, room_words
+from hydrolab.live.panel import SLOW, Controls, big_number, presenter_words, room_words
 from hydrolab.live.run_sheet import RunSheet, Step
 from hydrolab.live.server import open_server
 from hydrolab.live.surroundings import ASPECT
@@ -38,6 +38,7 @@ class Look:
 
     position: tuple
     target: tuple
+    board: ClassVar = False
 
     def camera(self, aspect):
         away = max(1.0, ASPECT / aspect) * np.subtract(self.position, self.target)
@@ -56,6 +57,7 @@ class Stage:
                        "from above": Look((0.1, 0.0, 12.0), (0.0, 0.0, 0.0))}
     live: ClassVar = type("NoBranch", (), {"legs": None})
     smallest_gap = 7.844e-3
+    shown: ClassVar = type("Shown", (), {"words": ""})
 
     def __init__(self):
         self.settings, self.calls, self.lock = Settings(), [], threading.Lock()
@@ -80,7 +82,7 @@ class Stage:
     def bring(self, seconds, **settings):
         self.change(**settings)
 
-    def step(self, revolutions):
+    def go_on(self, revolutions):
         self.calls.append(revolutions)
 
 
@@ -139,9 +141,15 @@ def test_every_control_sets_its_setting(stage, raw):
     client.wait(lambda me: "3" in options_heard(me, orbit))
     client.set(orbit, "3")
     client.wait(lambda _: stage.scene.settings.leg == 2)
-    client.set(client.control("step"), True)
-    client.wait(lambda _: stage.scene.calls[-1] == pytest.approx(1 / 12))
-    assert stage.scene.calls[-2] == {"playing": False}
+    motion = client.control("motion")
+    for name, revolutions in (("one turn", 1.0), ("step", 1 / 12)):
+        client.set(motion, name)
+        client.wait(lambda _, r=revolutions: stage.scene.calls[-1] == pytest.approx(r))
+    stage.scene.change(slow_motion=20.0)
+    for pace in (SLOW, 20.0):
+        client.set(motion, "slow")
+        client.wait(lambda _, p=pace: stage.scene.settings.slow_motion == p)
+    assert stage.scene.settings.playing
 
 
 def test_nothing_out_of_range_reaches_the_scene(stage, raw):
@@ -287,7 +295,7 @@ def test_only_the_pin_gives_controls(room, raw):
 def test_the_pin_is_told_to_nobody(room, raw):
     watcher, presenter = raw(room.port), raw(room.port)
     give(presenter, "314159")
-    presenter.control("step")
+    presenter.control("motion")
     give(watcher, "271828")
     watcher.wait(notices)
     for client in (watcher, presenter):
@@ -311,7 +319,7 @@ def test_guesses_are_limited(room, raw):
 def test_whoever_leaves_takes_the_controls_along(room, raw):
     presenter = raw(room.port)
     give(presenter, "314159")
-    presenter.control("step")
+    presenter.control("motion")
     presenter.close()
     back = raw(room.port)
     back.wait(lambda _: not room.controls.panels)
@@ -416,7 +424,7 @@ def test_only_a_presenter_can_click_on_the_branch_and_only_with_sense(raw):
     Controls(server, scene, Pin("314159"))
     presenter, watcher = raw(server.get_port()), raw(server.get_port())
     give(presenter, "314159")
-    presenter.control("the jump once more")
+    presenter.control("motion")
     plate = presenter.wait(lambda me: [m for m in me.heard if m["type"] == "MeshMessage"
                                        and m["name"] == "/board/branch to click"])[0]
     ray = scene.board.turn @ np.array([0.0, 0.0, -1.0])
@@ -467,6 +475,6 @@ def test_pins_are_six_digits_and_not_the_same():
 
 def test_words_are_escaped_and_complete():
     asked = dataclasses.replace(SHEET.steps[0], ask="<script>")
-    assert "<script>" not in big_number(0.001, "<script>") + room_words(asked)
+    assert "<script>" not in big_number(0.001, "<script>", "<script>") + room_words(asked)
     assert "minute 1 to 2 of 3" in presenter_words(SHEET, 1)
-    assert "smallest gap" not in big_number(math.inf, "no gap here")
+    assert "smallest gap" not in big_number(math.inf, "no gap here", "")

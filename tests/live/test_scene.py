@@ -47,7 +47,8 @@ def test_every_card_has_a_scene(server, card):
     assert {body.name for body in scene.machine.bodies} <= set(scene.parts.moving)
     assert scene.board.branch == (card != "three-disc")
     scene.change(dark=True, unbalance=1.5, field=0.9, names=False)
-    scene.step(0.3)
+    scene.go_on(0.3)
+    assert scene.phase == pytest.approx(0.6 * math.pi)
     assert re.search(r"(Gap|Motion) × \d+", scene.reading)
 
 
@@ -198,11 +199,11 @@ def test_a_place_on_the_branch_is_found_by_a_ray(shared):
         at = board.flat(board.on_branch(np.array(eccentricity), np.array(first)), 0.0)
         ray = board.turn @ np.array([0.1, -0.2, -1.0])
         origin = board.turn @ at + board.place - 7.0 * ray
-        assert board.picked(origin, ray) == pytest.approx((eccentricity, first), rel=1e-6)
+        assert board.picked(origin, ray, False) == pytest.approx((eccentricity, first), rel=1e-6)
         shared.go_to(eccentricity / 100, first * 1e-6)
         assert shared.settings.static_eccentricity == pytest.approx(eccentricity / 100)
     assert shared.settings.leg == 2
-    assert math.isnan(board.picked(origin, -board.turn[:, 0])[0])
+    assert math.isnan(board.picked(origin, -board.turn[:, 0], False)[0])
 
 
 @pytest.mark.parametrize(("wanted", "words"), [
