@@ -157,7 +157,8 @@ def views_of(sizes: Sizes, names: Names, board: Board) -> dict[str, View]:
     axis = [Sight(board.corners(tall, orbit=not tall)) for tall in (False, True)]
     first, steep, flat = (turn_of(sizes, rise) for rise in (RISE, 0.75, 0.3))
     return {"machine": View(first, *machine), "air gap": View(steep, gap, gap, False, every),
-            "lower end": View(flat, end, end, False, every), "along the axis": View(first, *axis)}
+            "lower end": View(flat, end, end, False, every),
+            "along the axis": View(first, *axis, names=every)}
 
 
 def add_lines(server: ViserServer, path: str, lines: NDArray, colours: Any,
