@@ -116,10 +116,13 @@ def lab(options: argparse.Namespace) -> int:
     JupyterLab.
     """
     if options.students is not None:
-        from hydrolab.course.hand_out import hand_out
+        from hydrolab.course.hand_out import hand_out, update
 
-        print(hand_out(find_book(), course_files(find_book()), options.students))
+        write = update if options.update else hand_out
+        print(write(find_book(), course_files(find_book()), options.students))
         return 0
+    if options.update:
+        raise BadInput("--update goes with --students: hydrolab lab --students DIR --update.")
     if importlib.util.find_spec("jupyterlab") is None:
         raise BadInput(f"JupyterLab is not installed for {sys.executable}; install it with: pip "
                        "install jupyterlab")
@@ -235,7 +238,18 @@ def grade(options: argparse.Namespace) -> int:
     were made; write it as grades.csv too. Nothing of theirs is executed."""
     from hydrolab.course.grade import report
 
-    print(report(options.folder))
+    print(report(options.folder, options.exam, find_book()))
+    return 0
+
+
+def exam(options: argparse.Namespace) -> int:
+    """Draw an exam from the bank, with other numbers for each student, statements and solutions
+    apart."""
+    from hydrolab.course.exam import read_students, write_exam
+
+    students = read_students(options.students, options.count)
+    print(write_exam(find_book(), options.out, options.seed, students, options.minutes,
+                     options.chapters))
     return 0
 
 
@@ -270,6 +284,8 @@ def _add_lab(command: argparse.ArgumentParser) -> None:
     add("--no-browser", action="store_true", help="print the address and open no browser")
     add("--students", type=Path, metavar="DIR",
         help="write a copy without solutions into a new folder, and open nothing")
+    add("--update", action="store_true",
+        help="with --students: bring a copy up to date, and keep what was written into it")
 
 
 def _add_book(command: argparse.ArgumentParser) -> None:
@@ -318,6 +334,21 @@ def _add_report(command: argparse.ArgumentParser) -> None:
 def _add_grade(command: argparse.ArgumentParser) -> None:
     command.add_argument("folder", type=Path, metavar="FOLDER", help="folder with the returned "
                          "notebooks: a folder or a notebook for each student")
+    command.add_argument("--exam", type=Path, metavar="FILE", help="grade the exam of this "
+                         "exam.json that `hydrolab exam` wrote")
+
+
+def _add_exam(command: argparse.ArgumentParser) -> None:
+    """Add the options of `hydrolab exam` to its part of the command line."""
+    add = command.add_argument
+    add("--out", type=Path, required=True, metavar="DIR", help="new folder for the exam")
+    add("--seed", type=int, default=1, metavar="N", help="another seed draws another exam "
+        "(default: %(default)s)")
+    add("--students", type=Path, metavar="FILE", help="names, one a line")
+    add("--count", type=int, default=1, metavar="N", help="without --students: how many students")
+    add("--minutes", type=int, default=120, metavar="N", help="length (default: %(default)s)")
+    add("--chapters", type=int, nargs="*", default=[], metavar="N",
+        help="chapters that were taught (default: all)")
 
 
 def _add_show(command: argparse.ArgumentParser) -> None:
@@ -356,6 +387,7 @@ def parser() -> argparse.ArgumentParser:
                             (book, _add_book, "build the static book, or refresh the chapters"),
                             (study, _add_study, "repeat the paper's study, or study your unit"),
                             (report, _add_report, "write a report on a unit, as one page"),
+                            (exam, _add_exam, "draw an exam, statements and solutions apart"),
                             (grade, _add_grade, "mark what a class has handed in"),
                             (show, _add_show, "open the machine in 3D")):
         command = commands.add_parser(run.__name__, help=words, description=run.__doc__)

@@ -1,11 +1,11 @@
 """What the book needs: what a chapter imports, and what makes notebooks and pages.
 
-In a chapter: `checks` tells whether an answer is right and names the usual mistakes, with `answers`
-(what the exercises ask for, a file a chapter in the book); `predictions` keeps what a student
+In a chapter: `checks` tells whether an answer is right and names the usual mistakes, for the
+exercises that the book's folder holds (written in `answers`); `predictions` keeps what a student
 expected beside what came out; `illustrations` are its pictures that are no result; `records` are
 the vibration records of chapter 12. Around the chapters, imported by their own names: `refresh`
-runs, cleans and compares them, `hand_out` takes the solutions out, `pages` and `static_book` make
-the static book.
+runs, cleans and compares them, `hand_out` takes the solutions out, `exam` draws and `grade` marks,
+`pages` and `static_book` make the static book.
 """
 
 from hydrolab.course import records

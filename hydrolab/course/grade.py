@@ -1,11 +1,11 @@
 """`hydrolab grade FOLDER`: what a class has handed in, student by exercise, and which mistakes were
-made how often.
+made how often; with `--exam exam.json` an exam, in points.
 
 Nothing of a student's is executed. Of a cell with `check("2.1", name)` the value of `name` is read
 where it is written down: a number, a text, a list or a dictionary of such, with + − * / ** between
 numbers, `pi`, `sqrt(…)`, and names given such a value earlier in the cell. Where it is computed by
 other code, what `check` printed in the returned notebook is taken, and marked: a student can type
-there what they like.
+there what they like. Of an exam the lines `answer_1a = …` are read in the same way.
 """
 
 from __future__ import annotations
@@ -15,19 +15,22 @@ import csv
 import math
 import operator
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hydrolab.course.answers import chapters, exercise
+from hydrolab.course.answers import Exercise, chapters
 from hydrolab.course.checks import judge
+from hydrolab.course.exam import asked_of
 from hydrolab.course.refresh import Cell, read
 from hydrolab.errors import BadInput
 
 OPERATIONS = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul,
               ast.Div: operator.truediv, ast.USub: operator.neg, ast.UAdd: operator.pos}
-MARKS = {"right": "1", "open": "o", "unanswered": "-"}  # every other verdict is "0"
+MARKS = {"open": "o", "unanswered": "-", "unread": "?"}  # every other verdict is "0"
+KEY = ("0 not right, o open: read it, - not answered, ? not in the limited form: read it, * as the "
+       "notebook itself says.")
 LARGEST = 1e4  # of an exponent: a returned file must not keep the grader busy
 
 
@@ -37,16 +40,22 @@ class Unreadable(ValueError):
 
 @dataclass(frozen=True)
 class Mark:
-    """A student's answer to an exercise: how it was found, what was said, and whether this was
-    taken from the notebook's stored output.
+    """A student's answer to an exercise: how it was found, what was said, whether this was taken
+    from the notebook's stored output, and what it is worth if it is right.
     """
 
     found: str
     said: str
     stored: bool = False
+    worth: int = 1
+
+    @property
+    def points(self) -> int:
+        """What it has earned."""
+        return self.worth if self.found == "right" else 0
 
     def __str__(self) -> str:
-        return MARKS.get(self.found, "0") + "*" * self.stored
+        return (str(self.points) if self.points else MARKS.get(self.found, "0")) + "*" * self.stored
 
 
 def value_of(node: ast.expr, known: dict[str, Any]) -> Any:
@@ -58,7 +67,7 @@ def value_of(node: ast.expr, known: dict[str, Any]) -> Any:
     if isinstance(node, ast.Dict):
         return {value_of(key, known): value_of(value, known)
                 for key, value in zip(node.keys, node.values, strict=True) if key}
-    if isinstance(node, ast.Name) and node.id in known:
+    if isinstance(node, ast.Name) and known.get(node.id, Unreadable) is not Unreadable:
         return known[node.id]
     return _computed(node, known)
 
@@ -90,7 +99,9 @@ def number_of(node: ast.expr, known: dict[str, Any]) -> float:
 
 
 def checked(cell: Cell) -> Iterator[tuple[str, Any]]:
-    """The exercises that a cell checks, each with its value, or Unreadable in its place."""
+    """The exercises that a cell checks and the parts of an exam that it answers, each with its
+    value, or Unreadable in its place.
+    """
     known: dict[str, Any] = {}
     try:
         statements = ast.parse(cell["source"]).body
@@ -98,19 +109,23 @@ def checked(cell: Cell) -> Iterator[tuple[str, Any]]:
         return
     for statement in statements:
         if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
-            known.pop(statement.targets[0].id, None)
-            try:
-                known[statement.targets[0].id] = value_of(statement.value, known)
-            except (ValueError, ArithmeticError, TypeError, RecursionError):
-                continue
+            name = statement.targets[0].id
+            known[name] = _value_or_not(statement.value, known)
+            if name.startswith("answer_"):
+                yield name.removeprefix("answer_"), known[name]
         call = statement.value if isinstance(statement, ast.Expr) else None
         if isinstance(call, ast.Call) and ast.unparse(call.func) == "check" and len(call.args) == 2:
             number, answer = call.args
             if isinstance(number, ast.Constant):
-                try:
-                    yield str(number.value), value_of(answer, known)
-                except (ValueError, ArithmeticError, TypeError, RecursionError):
-                    yield str(number.value), Unreadable
+                yield str(number.value), _value_or_not(answer, known)
+
+
+def _value_or_not(node: ast.expr, known: dict[str, Any]) -> Any:
+    """The value of an expression in the limited form, or Unreadable."""
+    try:
+        return value_of(node, known)
+    except (ValueError, ArithmeticError, TypeError, RecursionError):
+        return Unreadable
 
 
 def printed(cell: Cell, number: str) -> Mark:
@@ -123,29 +138,30 @@ def printed(cell: Cell, number: str) -> Mark:
     return Mark(found, said, stored=True)
 
 
-def marks(path: Path) -> dict[str, Mark]:
-    """Every exercise that the returned notebook at a path checks, by number."""
-    found = {}
-    for cell in read(path)["cells"]:
-        for number, value in checked(cell) if cell["cell_type"] == "code" else ():
-            try:
-                asked = exercise(number)
-            except BadInput:
-                continue
-            if value is Unreadable:
-                found[number] = printed(cell, number)
-                continue
-            try:
-                verdict = judge(asked, value)
-            except Exception:  # an open question's reply to an answer of any shape
-                found[number] = Mark("wrong", "an answer that could not be judged")
-                continue
-            found[number] = Mark(verdict.found, verdict.said)
-    return found
+Asked = Mapping[str, tuple[Exercise, int]]  # exercise and points by number
 
 
-def handed_in(folder: Path) -> dict[str, dict[str, Mark]]:
-    """Students, each a folder below the folder or a notebook in it, with their marks.
+def marks(path: Path, asked: Asked) -> dict[str, Mark]:
+    """Every exercise of those asked that the returned notebook at a path answers, by number."""
+    return {number: _mark(cell, number, value, *asked[number]) for cell in read(path)["cells"]
+            for number, value in (checked(cell) if cell["cell_type"] == "code" else ())
+            if number in asked}
+
+
+def _mark(cell: Cell, number: str, value: Any, asked: Exercise, worth: int) -> Mark:
+    if value is Unreadable:
+        return (Mark("unread", "computed by other code") if f"check({number!r}" not in
+                cell["source"].replace('"', "'") else printed(cell, number))
+    try:
+        verdict = judge(asked, value)
+    except Exception:  # an open question's reply to an answer of any shape
+        return Mark("wrong", "an answer that could not be judged")
+    return Mark(verdict.found, verdict.said, worth=worth)
+
+
+def handed_in(folder: Path, asked: Callable[[str], Asked]) -> dict[str, dict[str, Mark]]:
+    """Students, each a folder below the folder or a notebook in it, with their marks; `asked` says
+    what a student was asked.
 
     Raises BadInput where there is no notebook.
     """
@@ -154,36 +170,38 @@ def handed_in(folder: Path) -> dict[str, dict[str, Mark]]:
         relative = path.relative_to(folder)
         if ".ipynb_checkpoints" not in relative.parts:
             name = relative.parts[0] if len(relative.parts) > 1 else path.stem
-            students.setdefault(name, {}).update(marks(path))
+            students.setdefault(name, {}).update(marks(path, asked(name)))
     if not students:
         raise BadInput(f"{folder} holds no notebook; give the folder with what was handed in, a "
                        "folder or a notebook for each student.")
     return students
 
 
-def report(folder: Path) -> str:
+def report(folder: Path, exam: Path | None = None, book: Path = Path()) -> str:
     """Write `grades.csv` into a folder with what was handed in, and say it in words: student by
-    exercise, sums, mistakes by how often they were made.
-
-    1: right, 0: not, o: open, to be read by a person, -: not answered, *: as the returned notebook
-    itself says.
+    exercise, sums, mistakes by how often they were made. exam: the file exam.json of the exam that
+    it is, drawn from the bank beside a book.
     """
-    students = handed_in(folder)
-    asked = [number for of_chapter in chapters().values() for number in of_chapter
-             if any(number in answered for answered in students.values())]
-    rows = [[name, *(str(answered.get(number, "-")) for number in asked),
-             str(sum(mark.found == "right" for mark in answered.values()))]
-            for name, answered in students.items()]
+    course = {number: (asked, 1) for of_chapter in chapters().values()
+              for number, asked in of_chapter.items()}
+    students = handed_in(folder, lambda name: asked_of(book, exam, name) if exam else course)
+    everything = asked_of(book, exam, next(iter(students))) if exam else course
+    asked = [number for number in everything if any(number in had for had in students.values())]
+    head = ["student", *asked, "sum"]
+    rows = [head, *([name, *(str(had.get(number, "-")) for number in asked),
+                     str(sum(mark.points for mark in had.values()))]
+                    for name, had in students.items())]
     with open(folder / "grades.csv", "w", encoding="utf-8", newline="") as file:
-        csv.writer(file).writerows([["student", *asked, "right"], *rows])
-    wide = max(len(name) for name in ["student", *students])
-    table = [" ".join([row[0].ljust(wide), *(entry.rjust(max(4, len(head)))
-                                             for head, entry in zip([*asked, "right"], row[1:],
-                                                                    strict=True))])
-             for row in [["student", *asked, "right"], *rows]]
-    slips = Counter((number, mark.said) for answered in students.values()
-                    for number, mark in answered.items() if mark.found in ("mistake", "unit"))
+        csv.writer(file).writerows(rows)
+    wide = max(len(row[0]) for row in rows)
+    table = [" ".join([row[0].ljust(wide), *(entry.rjust(max(4, len(top))) for top, entry
+                                             in zip(head[1:], row[1:], strict=True))])
+             for row in rows]
+    slips = Counter((number, mark.said) for had in students.values()
+                    for number, mark in had.items() if mark.found in ("mistake", "unit"))
     lines = [f"{count:3d} × {number}: {said}" for (number, said), count in slips.most_common()]
-    return "\n".join([*table, "", "1 right, 0 not, o open: read it, - not answered, * as the "
-                      "notebook itself says.", *(["", "Mistakes, the most frequent first:"] * bool(
-                          lines)), *lines, "", f"{folder / 'grades.csv'} has the same table."])
+    points = (f"Of {sum(worth for _, worth in everything.values())} points that a check can give; "
+              if exam else "1 right, ")
+    return "\n".join([*table, "", points + KEY,
+                      *(["", "Mistakes, the most frequent first:"] * bool(lines)), *lines, "",
+                      f"{folder / 'grades.csv'} has the same table."])

@@ -7,9 +7,12 @@ import math
 import pytest
 
 from hydrolab.cli import main
+from hydrolab.course.answers import chapters
 from hydrolab.course.grade import Unreadable, marks, value_of
 from hydrolab.errors import BadInput
 
+ASKED = {number: (asked, 1) for of_chapter in chapters().values()
+         for number, asked in of_chapter.items()}
 
 def returned(path, *cells):
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -42,7 +45,7 @@ def test_marks_of_a_notebook(tmp_path):
         ("speed = 2 * 3.14159265 * 90 / 60\ncheck('0.1a', speed)\ncheck('0.1b', 90)", ""),
         ("x = law.force(u)\ncheck('2.1a', x)", "2.1a: right.\n"),
         ("raise SystemExit\ncheck('0.3', ...)\ncheck('77.1', 3)", ""), ("not python at (", ""))
-    found = {number: str(mark) for number, mark in marks(path).items()}
+    found = {number: str(mark) for number, mark in marks(path, ASKED).items()}
     assert found == {"0.1a": "1", "0.1b": "0", "2.1a": "1*", "0.3": "-"}
 
 
@@ -53,9 +56,9 @@ def test_the_command(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "  2 × 0.1a: " in said and "rpm" in said
     assert (tmp_path / "grades.csv").read_text().splitlines() == [
-        "student,0.1a,right", "ada,1,1", "bo,0,0", "cy,0,0"]
+        "student,0.1a,sum", "ada,1,1", "bo,0,0", "cy,0,0"]
     assert main(["grade", str(tmp_path / "none")]) == 2
     broken = tmp_path / "ada" / "broken.ipynb"
     broken.write_text("x")
     with pytest.raises(BadInput, match="is not a notebook"):
-        marks(broken)
+        marks(broken, ASKED)
