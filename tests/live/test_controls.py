@@ -55,6 +55,7 @@ class Stage:
     views: ClassVar = {"whole machine": Look((9.0, 9.0, 3.0), (0.0, 0.0, -4.0)),
                        "generator": Look((5.0, 5.0, 2.0), (0.0, 0.0, 0.0)),
                        "from above": Look((0.1, 0.0, 12.0), (0.0, 0.0, 0.0))}
+    sizes: ClassVar = type("Upright", (), {"up": (0.0, 0.0, 1.0)})
     live: ClassVar = type("NoBranch", (), {"legs": None})
     smallest_gap = 7.844e-3
     shown: ClassVar = type("Shown", (), {"words": ""})
