@@ -181,7 +181,7 @@ def report(options: argparse.Namespace) -> int:
 
     speeds = {name: rpm(value) for name in ("overspeed", "runaway")
               if (value := getattr(options, name)) is not None}
-    return report_command(options.card, out=options.out, **speeds)
+    return report_command(options.card, out=options.out, record=options.record, **speeds)
 
 
 def book(options: argparse.Namespace) -> int:
@@ -325,6 +325,8 @@ def _add_report(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("card", metavar="CARD", help="name of a shipped machine card or path of your own TOML file")
     add("--out", type=Path, required=True, metavar="FILE.html", help="the page to write")
+    add("--record", type=Path, metavar="CSV", help="a record of probes on the unit, to compare "
+        "with the card: time or phase, and two columns a place")
     add("--overspeed", type=float, metavar="RPM", help="of a load rejection (default: 1.4 times "
         "the rated speed)")
     add("--runaway", type=float, metavar="RPM", help="speed without load (default: 2.5 times the "

@@ -15,12 +15,15 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
 from hydrolab import __version__
+from hydrolab.dynamics.probes import read_record
 from hydrolab.errors import BadInput
 from hydrolab.figures.orbits import branch_picture, orbit_picture
+from hydrolab.figures.orders import record_picture, run_picture
 from hydrolab.figures.picture import Picture
 from hydrolab.figures.rotor import line_picture
 from hydrolab.figures.section import unit_picture
@@ -36,11 +39,13 @@ from hydrolab.paper.assessment import (
     critical_answers,
     gap_answers,
     rpm_words,
+    worst_answers,
 )
 from hydrolab.paper.report import SCHEMA, machine_record, prepare, write
 from hydrolab.progress import progress_bars
 
 CLASSES = {True: "kept", False: "broken", None: ""}
+STRAIGHT = 1e-9  # m or rad: a mean line that is nearer to the axis is not drawn
 SHOWN = 1.5  # times the highest of the speeds: critical speeds up to there are listed
 SILENT = (
     "The pull is that of the air gap alone: currents that it drives in parallel windings and "
@@ -49,7 +54,7 @@ SILENT = (
     "and cavitation are not computed.",
     "Bearings act by the numbers on the card. How they change with temperature and load is known "
     "only where the card has a table.",
-    "A steady state says where the machine can stay, not how it gets there.")
+    "A load rejection goes by a schedule of the speed, not by the turbine's characteristic.")
 
 
 def line(tag: str, words: str, kind: str = "") -> str:
@@ -140,11 +145,25 @@ def steady(a: Assessment) -> str:
 
 def bearings(a: Assessment) -> str:
     """The static line, and what each bearing carries."""
-    try:
-        lines = [line_picture(orbit, a.machine) for orbit in a.orbits.values()]
-    except BadInput:  # a point mass has no line
-        lines = []
+    bent = [orbit for orbit in a.orbits.values() if np.abs(orbit.shaft[:, 0]).max() > STRAIGHT]
+    lines = [line_picture(orbit, a.machine) for orbit in bent if a.machine.shaft]
     return "".join(map(drawn, lines)) + answers_table(bearing_answers(a))
+
+
+def worst(a: Assessment) -> str:
+    """The load rejection over time, and its extremes."""
+    if a.run is None:
+        return ""
+    return answers_table(worst_answers(a)) + drawn(run_picture(a.run), "tall")
+
+
+def recorded(a: Assessment) -> str:
+    """The record beside the steady state of the card at its speed."""
+    if a.record is None or a.recorded is None:
+        return ""
+    return drawn(record_picture(a.record, a.recorded)) + line("p", (
+        "The model is the card's, with the stator centred: nothing was fitted to the record. "
+        "identify finds the numbers of a card that records tell."))
 
 
 def limits(a: Assessment) -> str:
@@ -161,6 +180,8 @@ def sections(a: Assessment) -> Iterator[tuple[str, str]]:
     yield "Critical speeds", criticals(a)
     yield "Steady states at the rated speed", steady(a)
     yield "Bearings", bearings(a)
+    yield "The worst minute: a load rejection", worst(a)
+    yield "Beside the record", recorded(a)
     yield "Balance", answers_table(balance_answers(a))
     yield "The limits, and where they stand", limits(a)
     yield "Every number, and where it comes from", table(
@@ -182,23 +203,25 @@ def unit_page(a: Assessment) -> str:
 
 # ------------------------------------------------------------------ the commands
 
-def assessed(console: Console, card: str, **speeds: float) -> Assessment:
-    """The assessment of a card, with progress on a console; speeds: as of `assess`."""
+def assessed(console: Console, card: str, **more: Any) -> Assessment:
+    """The assessment of a card, with progress on a console; more: as of `assess`."""
     machine = load_machine(card)
     with progress_bars(console) as tell:
-        return assess(machine, progress=tell, **speeds)
+        return assess(machine, progress=tell, **more)
 
 
-def report_command(card: str, *, out: Path, **speeds: float) -> int:
-    """Write the report on a card into a file and print it in short; speeds: as of `assess`.
+def report_command(card: str, *, out: Path, record: Path | None = None, **speeds: float) -> int:
+    """Write the report on a card into a file and print it in short. record: the CSV of a record;
+    speeds: as of `assess`.
 
-    Returns 0. Raises BadInput for a bad card or a file that cannot be written.
+    Returns 0. Raises BadInput for a bad card or record, or a file that cannot be written.
     """
     console = Console(markup=False, highlight=False)  # a machine's name may have brackets
     if out.suffix.lower() not in (".html", ".htm"):
         raise BadInput(f"--out is {out}; the report is a page, so its name ends in .html.")
     prepare(out.parent)
-    a = assessed(console, card, **speeds)
+    seen = None if record is None else read_record(record)
+    a = assessed(console, card, worst=True, record=seen, **speeds)
     out.write_text(unit_page(a), encoding="utf-8", newline="\n")
     for words in in_short(a):
         console.print(f"• {words}")
@@ -222,7 +245,7 @@ def study_unit(card: str, *, out: Path, draw: bool) -> int:
     """
     console = Console(markup=False, highlight=False)
     prepare(out)
-    a = assessed(console, card)
+    a = assessed(console, card, worst=draw)
     write(out / "report.json", unit_record(a))
     if draw:
         (out / "report.html").write_text(unit_page(a), encoding="utf-8", newline="\n")

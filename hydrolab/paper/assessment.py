@@ -19,7 +19,9 @@ from hydrolab.dynamics.following import Arclength, follow
 from hydrolab.dynamics.harmonic_balance import HarmonicBalance
 from hydrolab.dynamics.harmonics import PERIOD, synthesise
 from hydrolab.dynamics.modes import OVERSPEED, RUNAWAY, CriticalSpeeds, critical_speeds
+from hydrolab.dynamics.probes import ProbeRecord, motion_at
 from hydrolab.dynamics.results import PeriodicOrbit
+from hydrolab.dynamics.run import Run, load_rejection, run
 from hydrolab.dynamics.stability import Floquet, floquet_all
 from hydrolab.dynamics.winding import pull_alone
 from hydrolab.errors import BadInput, Contact, NoConvergence
@@ -35,6 +37,7 @@ GRADE, FINE_GRADE = 6.3e-3, 2.5e-3  # m/s
 FINE_FROM = 950 * math.pi / 30  # rad/s; a faster generator is balanced to the fine one
 EXCITED = -0.9  # a whirl from here on has enough of a forward part for an unbalance to excite it
 LOOKS = 12  # at the stability along the first leg, where each takes a second
+WORST = 36.0  # s: the load rejection, in which the speed is back after 35 s
 MOST_FIELD = 3.0  # times the machine's own: how far the field is followed
 MANUAL = ("Bureau of Reclamation, table of tolerances for vertical hydrounits where the maker "
           "states none (Duncan 1991, in Facilities Instructions, Standards, and Techniques 2-1)")
@@ -95,6 +98,8 @@ class Assessment:
     stator centred, and out of centre by the assembly tolerance where there is a gap, by the words
     for it. direction: gap angle of that, rad. branch: along the static eccentricity; rows:
     those of it whose stability was looked at. by_field: along the field, at the tolerance.
+    run: through a load rejection to the overspeed with the field left on, the stator at its
+    tolerance. record: of probes on the unit; recorded: the steady state at its speed and field.
     troubles: what could not be computed, and why.
     """
 
@@ -110,6 +115,9 @@ class Assessment:
     rows: tuple[int, ...] = ()
     stability: tuple[Floquet, ...] = ()
     by_field: Branch | None = None
+    run: Run | None = None
+    record: ProbeRecord | None = None
+    recorded: PeriodicOrbit | None = None
     troubles: list[str] = field(default_factory=list)
 
     @property
@@ -119,7 +127,8 @@ class Assessment:
 
     def answers(self) -> list[Answer]:
         """Everything that was asked and found, in the order of a report."""
-        return [answer for ask in (critical_answers, gap_answers, bearing_answers, balance_answers)
+        return [answer for ask in (critical_answers, gap_answers, bearing_answers,
+                                   worst_answers, balance_answers)
                 for answer in ask(self)]
 
 
@@ -128,12 +137,14 @@ Told = Callable[[str, int, int], None]
 
 
 def assess(machine: Machine, *, overspeed: float | None = None, runaway: float | None = None,
+           worst: bool = False, record: ProbeRecord | None = None,
            progress: Told | None = None) -> Assessment:
     """Compute what an engineer asks of a machine at its rated speed.
 
-    overspeed, runaway: rad/s; 1.4 and 2.5 times the rated speed unless given. progress: called with
-    (what is being done, done, all). Raises BadInput for a machine that does not turn, or a speed
-    that is none.
+    overspeed, runaway: rad/s; 1.4 and 2.5 times the rated speed unless given. worst: whether to
+    move it through a load rejection too, which takes seconds. record: of probes on it, to compare.
+    progress: called with (what is being done, done, all). Raises BadInput for a machine that does
+    not turn, or a speed that is none.
     """
     require_machine(machine)
     if not machine.speed > 0:
@@ -144,7 +155,9 @@ def assess(machine: Machine, *, overspeed: float | None = None, runaway: float |
               for name, value in given.items()}
     found = Assessment(machine, machine.model(), speeds,
                        tuple(name for name, value in given.items() if value is None))
-    steps = (find_orbits, find_criticals, find_branch, find_field)
+    found.record = record
+    steps = [find_orbits, find_criticals, find_branch, find_field]
+    steps += [find_run] * worst + [find_recorded] * (record is not None)
     with threadpool_limits(1):
         for i, step in enumerate(steps):
             if progress:
@@ -201,6 +214,24 @@ def find_field(a: Assessment) -> None:
         method = Arclength(HarmonicBalance(HARMONICS), max_folds=1, tail=0)
         a.by_field = follow(a.model, "field", to=MOST_FIELD, speed=a.rated,
                             start=a.orbits[AT_TOLERANCE], method=method)
+
+
+def find_run(a: Assessment) -> None:
+    """The load rejection."""
+    if not a.machine.air_gap or AT_TOLERANCE in a.orbits:
+        rejection = load_rejection(a.rated, to=a.speeds["overspeed"] / a.rated, seconds=WORST)
+        a.run = run(a.model, rejection, direction=a.direction, steps_per_revolution=128,
+                    static_eccentricity=CONCENTRIC if a.machine.air_gap else 0.0)
+
+
+def find_recorded(a: Assessment) -> None:
+    """The steady state at the speed and field of the record."""
+    assert a.record is not None
+    model = a.model.with_field(a.record.field) if a.machine.air_gap else a.model
+    orbit = HarmonicBalance(HARMONICS).solve(model, a.record.speed)
+    for place in a.record.places:
+        motion_at(orbit, place)  # says which places there are
+    a.recorded = orbit
 
 
 def rpm_words(speed: float) -> str:
@@ -320,6 +351,20 @@ def bearing_answers(a: Assessment) -> Iterator[Answer]:
             yield Answer(f"{bearing.name} out of line",
                          f"{100 * away / (2 * clearance):.0f} % of its diametral clearance",
                          ALIGNED, away <= 2 * IN_LINE * clearance)
+
+
+def worst_answers(a: Assessment) -> Iterator[Answer]:
+    """The smallest gap and the largest bearing force of the load rejection, and when."""
+    if a.run is None:
+        return
+    if math.isfinite(a.model.gap):
+        gap = a.run.smallest_gap
+        yield Answer("Smallest air gap in the load rejection", f"{1e3 * gap.value:.2f} mm at "
+                     f"{gap.time:.3g} s, {rpm_words(gap.speed)}", TOUCH, gap.value > 0)
+    if a.run.bearing_forces:
+        force = a.run.largest_bearing_force
+        yield Answer("Largest bearing force in the load rejection", f"{newtons(force.value)} on "
+                     f"{force.name} at {force.time:.3g} s, {rpm_words(force.speed)}", LOAD)
 
 
 def balance_answers(a: Assessment) -> Iterator[Answer]:

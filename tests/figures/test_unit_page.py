@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from hydrolab import card_names, card_text, load_machine
+from hydrolab import HarmonicBalance, card_names, card_text, load_machine
 from hydrolab.cli import main
 from hydrolab.figures.section import cylinder, unit_picture
 from hydrolab.machine.parts import RigidBody
@@ -35,7 +35,7 @@ class Elements(HTMLParser):
         self.words.append(data)
 
 
-@pytest.mark.parametrize("card", ["pelton-horizontal", "two-pole"])
+@pytest.mark.parametrize("card", ["kaplan-150rpm", "two-pole"])
 def test_a_report_has_every_number_and_asks_no_other_computer(card, tmp_path):
     out = tmp_path / "unit.html"
     assert main(["report", card, "--out", str(out), "--runaway", "9000"]) == 0
@@ -50,6 +50,23 @@ def test_a_report_has_every_number_and_asks_no_other_computer(card, tmp_path):
     assert any("9000 rpm" in words for words in elements.words)
     titles = [words for words in elements.words if words.startswith(("Critical", "Bearings"))]
     assert "Critical speeds" in titles and ("Bearings" in titles) == (card != "two-pole")
+
+
+def test_a_record_stands_beside_the_card(tmp_path):
+    """The card's own motion, stored as two probes see it: record and model are one."""
+    machine = load_machine("jeffcott")
+    orbit = HarmonicBalance(8).solve(machine.model(), machine.speed)
+    phase = np.arange(3600) * 2.0
+    x, z = 1e6 * orbit.positions(np.radians(phase))
+    rows = [f"{p:g},150,{a:.6f},{b:.6f}" for p, a, b in zip(phase, x, z, strict=True)]
+    stored = tmp_path / "record.csv"
+    stored.write_text("\n".join(["phase [deg],speed [rpm],generator x [µm],generator z [µm]",
+                                *rows]), encoding="utf-8")
+    out = tmp_path / "unit.html"
+    assert main(["report", "jeffcott", "--out", str(out), "--record", str(stored)]) == 0
+    page = out.read_text(encoding="utf-8")
+    assert "1X is 200.0 µm at the generator, 200.0 by the model" in page
+    assert "the worst minute" in page.lower() and "In the load rejection" not in page
 
 
 def test_a_unit_of_one_s_own_is_not_judged_by_the_paper(tmp_path, capsys, monkeypatch):
