@@ -13,6 +13,7 @@ from hydrolab.course.pages import (
     equations,
     linked,
     scene_name,
+    scene_on_click,
     with_scenes,
 )
 
@@ -60,7 +61,10 @@ def read(app, docname, source):
     from the code.
     """
     if docname == "index":
-        source[0] += contents(BOOK, INSTRUCTOR)
+        if not INSTRUCTOR:
+            source[0] = source[0].replace(' href="instructor/syllabus.html"', "")
+        shown = "".join(scene_on_click(*scene) for scene in readings(app, ((0.088, 2),)).items())
+        source[0] = source[0].replace("SCENE\n", shown) + contents(BOOK, INSTRUCTOR)
     elif docname == "api":
         source[0] += api(whole=not app.config.live)
     elif docname == "bibliography":
@@ -71,12 +75,15 @@ def read(app, docname, source):
     elif docname[:1].isdigit():
         live = app.config.live and f"{app.config.live}/lab/index.html?path={docname}.ipynb"
         source[0] = chapter_page(source[0], equations(BOOK), live)
-        names = [scene_name(*scene) for scene in SCENES.get(int(docname[:2]), ())]
-        if names and app.config.scenes:
-            player = f"{app.config.live or '_static'}/scenes/player.html"
-            source[0] = with_scenes(source[0], {
-                f"{player}#{name}": Path(app.config.scenes, f"{name}.txt").read_text("utf-8")
-                for name in names})
+        if shown := readings(app, SCENES.get(int(docname[:2]), ())):
+            source[0] = with_scenes(source[0], shown)
+
+
+def readings(app, wanted):
+    """What each of the wanted scenes shows, by where its player is; none where none is recorded."""
+    player = f"{app.config.live or '_static'}/scenes/player.html"
+    return {f"{player}#{name}": Path(app.config.scenes, f"{name}.txt").read_text("utf-8")
+            for name in (scene_name(*scene) for scene in wanted) if app.config.scenes}
 
 
 def api(whole):

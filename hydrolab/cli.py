@@ -204,6 +204,12 @@ def book(options: argparse.Namespace) -> int:
         if not options.check:
             (folder / "card.md").write_text(card_page(), encoding="utf-8", newline="\n")
         return refresh_all(folder, options.refresh, compare=options.check)
+    if options.figures:
+        from hydrolab.course.pages import figures_page
+
+        options.figures.write_text(figures_page(folder), encoding="utf-8", newline="\n")
+        print(f"The chapters' figures are in {options.figures}, one a screen; arrow keys turn.")
+        return 0
     from hydrolab.course.static_book import build
 
     print(build(folder, options.out or folder / "_build" / "html", instructor=options.instructor))
@@ -292,6 +298,8 @@ def _add_book(command: argparse.ArgumentParser) -> None:
     add = command.add_argument
     add("--out", type=Path, metavar="DIR", help="folder for the pages (default: book/_build/html)")
     add("--instructor", action="store_true", help="with the pages for instructors")
+    add("--figures", type=Path, metavar="FILE",
+        help="write the chapters' figures as one page to project, and nothing else")
     add("--refresh", nargs="*", metavar="CHAPTER",
         help="execute and clean these chapters (numbers, or notebooks; none: all chapters) and "
              "say what changed")

@@ -29,6 +29,7 @@ PARTS = {"A rotor in a field": range(0, 4), "Steady states": range(4, 6),
          "The study": range(9, 13), "The plant": range(13, 100)}
 # static eccentricities and legs, by chapter
 SCENES = {0: ((0.088, 0),), 10: ((0.0, 0), (0.05, 0), (0.088, 0), (0.088, 2))}
+PICTURE = re.compile(r'<img alt="([^"]*)"[^>]*? src="(data:image/[^"]+)"')
 LACKS = "*(This needs a control or a step that this page lacks; the live chapter has it.)*"
 PAGES = ("extend", "card", "notation", "glossary", "errata", "bibliography", "api")  # for reference
 REFERENCE = re.compile(r"^- (.*?\*(?P<title>[^*\n]+)\*.*)$", re.MULTILINE)
@@ -109,7 +110,7 @@ def scene_name(static_eccentricity: float, leg: int) -> str:
 
 def with_scenes(text: str, readings: Mapping[str, str]) -> str:
     """The text of a chapter's file with recorded 3D scenes before its exercises, under a heading;
-    each loads when a reader comes near. readings: what each scene shows, by where its file is.
+    each loads when a reader opens it. readings: what each scene shows, by where its file is.
     """
     notebook = json.loads(text)
     heading = "## The machine in 3D\n\n"
@@ -117,15 +118,22 @@ def with_scenes(text: str, readings: Mapping[str, str]) -> str:
              "machine.")
     if not any(heading in text for text in sources(notebook)):
         scene = heading + scene
-    for place, reading in readings.items():
-        words = html.escape(reading, quote=True)
-        scene += (f'\n\n<iframe class="scene" loading="lazy" title="{words}" src="{place}">'
-                  f"</iframe>\n\n{words}")
+    scene += "".join(scene_on_click(*shown) for shown in readings.items())
     at = next(i for i, cell in enumerate(notebook["cells"])
               if "## Exercises" in _joined(cell["source"]).split("\n"))
     notebook["cells"].insert(at, {"cell_type": "markdown", "id": "scene", "metadata": {},
                                   "source": scene})
     return json.dumps(notebook)
+
+
+def scene_on_click(place: str, reading: str) -> str:
+    """A recorded scene, folded: the frame of what is folded is not loaded. place: of its player.
+    reading: what it shows.
+    """
+    words = html.escape(reading, quote=True)
+    return (f'\n\n<details class="scene"><summary>Show it in 3D, 1 MB: {words}</summary>'
+            f'<iframe class="scene" loading="lazy" title="{words}" src="{place}"></iframe>'
+            "</details>")
 
 
 def linked(text: str, places: Mapping[str, str]) -> str:
@@ -176,6 +184,46 @@ def flipbook_figure(still: str, book: Mapping, live: str = "") -> str:
             f'step="1" value="{start}"/> '
             f'<output>{html.escape(book["frames"][start]["value"])}</output></label>'
             f'<script type="application/json">{frames}</script>{link}</div>')
+
+
+SLIDES = """<!doctype html><html lang="en"><meta charset="utf-8"><title>hydrolab: figures</title>
+<style>
+  html {{ background: white; color: black; font: 3vmin/1.4 sans-serif;
+    scroll-snap-type: y mandatory }}
+  figure {{ align-items: center; box-sizing: border-box; display: flex; flex-direction: column;
+    gap: 2vmin; height: 100vh; justify-content: center; margin: 0; padding: 3vmin;
+    scroll-snap-align: start }}
+  img {{ min-height: 0; object-fit: contain; flex: 1 1 auto; max-width: 100% }}
+  b {{ display: block }}
+</style>
+{}
+<script>
+  addEventListener("keydown", (event) => {{
+    const turn = {{ ArrowRight: 1, ArrowDown: 1, PageDown: 1, " ": 1, ArrowLeft: -1, ArrowUp: -1,
+      PageUp: -1 }}[event.key];
+    if (!turn) return;
+    event.preventDefault();
+    scrollTo(0, (Math.round(scrollY / innerHeight) + turn) * innerHeight);
+  }});
+</script></html>
+"""
+
+
+def figures_page(book: Path) -> str:
+    """One page that holds the stored figures of every chapter to project: one a screen, with the
+    chapter above its caption; arrow keys turn.
+    """
+    shown = []
+    for name, notebook in chapters(book).items():
+        title = html.escape(next(sources(notebook)).split("\n")[0].lstrip("# "))
+        for cell in notebook["cells"]:
+            for output in cell.get("outputs", ()):
+                text = _joined(output.get("data", {}).get("text/html", ""))
+                for alt, picture in PICTURE.findall(text):
+                    shown.append(f'<figure id="{name[:2]}-{len(shown)}"><img alt="{alt}" '
+                                 f'src="{picture}"><figcaption><b>{title}</b>{alt}</figcaption>'
+                                 "</figure>")
+    return SLIDES.format("\n".join(shown))
 
 
 def bibliography_page(book: Path) -> str:

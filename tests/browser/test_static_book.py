@@ -153,7 +153,8 @@ def test_recorded_scenes_play(site, reader):
     assert len(frames) == 4 and {"0 % on leg 1", "5 % on leg 1", "8.8 % on leg 1",
                                  "8.8 % on leg 3"} <= set(frames)
     frame = reader.locator("iframe.scene").last  # one: a 3D scene without a graphics card is slow
-    frame.scroll_into_view_if_needed()
+    playwright_api.expect(frame).not_to_be_visible()  # and none before it is opened
+    reader.locator("details.scene summary").last.click()
     frame.content_frame.locator("canvas").first.wait_for()
     assert not reader.strangers
 
@@ -179,7 +180,7 @@ def test_flipbooks_move(site, reader, name):
             expect(slider).to_have_value(end, timeout=PATIENCE)
             expect(still).not_to_be_visible(timeout=PATIENCE)
             expect(frame).to_be_visible(timeout=PATIENCE)
-            expect(frame).to_have_attribute("alt", readings[int(end)], timeout=PATIENCE)
+            expect(frame).to_have_attribute("aria-label", readings[int(end)], timeout=PATIENCE)
             expect(caption).to_have_text(readings[int(end)], timeout=PATIENCE)
         assert caption.inner_text() != said and book.locator("output").inner_text() != value
         reader.wait_for_function(LOADED)

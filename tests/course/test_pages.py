@@ -145,7 +145,7 @@ def test_the_book_is_handed_out_whole_but_for_solutions(tmp_path, capsys):
         text = "".join(cell["source"] for cell in notebook["cells"])
         assert not re.search(r"<summary>[^<]*(?:Solution|[Aa]nswer)",
                              text) and "## Exercises" in text
-        assert path.read_text() == notebooks.text(notebooks.clean(notebook))
+        assert notebooks.clean(notebooks.read(path)) == notebooks.clean(notebook)
         kept = [cell for cell in notebook["cells"] if cell.get("outputs")]
         assert kept and "predict(" in kept[-1]["source"]  # whatever answers it comes later
     assert main(["lab", "--students", str(folder)]) == 2
@@ -179,3 +179,12 @@ def test_without_its_tools_the_book_says_what_to_install(monkeypatch, tmp_path, 
 def test_without_npm_there_is_no_mathjax(monkeypatch, tmp_path):
     monkeypatch.setattr(static_book.shutil, "which", lambda name: None)
     assert static_book.fetch_mathjax(tmp_path) is None
+
+
+def test_the_figures_to_project(tmp_path):
+    assert main(["book", "--figures", str(tmp_path / "figures.html")]) == 0
+    text = (tmp_path / "figures.html").read_text(encoding="utf-8")
+    stored = sum(path.read_text(encoding="utf-8").count("<figcaption>")
+                 for path in BOOK.glob("[0-9]*.ipynb"))
+    assert text.count("<figure id=") == stored > 40
+    assert all(len(alt) > 20 for alt in re.findall(r'<img alt="([^"]*)"', text))
