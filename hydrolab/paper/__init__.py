@@ -9,6 +9,7 @@ from hydrolab.paper.calibration import (
     FREE,
     STEPS,
     calibrate,
+    family_prior,
     first_fold,
     load_family,
     member_of,
@@ -20,6 +21,6 @@ from hydrolab.paper.claims import judge
 from hydrolab.paper.study import run_study, steady_study
 
 __all__ = [
-    "FREE", "STEPS", "calibrate", "first_fold", "judge", "load_family", "member_of", "run_study",
-    "sensitivity", "steady_study", "unbalance_scale", "with_amplitude",
+    "FREE", "STEPS", "calibrate", "family_prior", "first_fold", "judge", "load_family", "member_of",
+    "run_study", "sensitivity", "steady_study", "unbalance_scale", "with_amplitude",
 ]

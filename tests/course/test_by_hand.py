@@ -88,6 +88,12 @@ BY_HAND = {
     "11.2": [-2, 4],
     "12.1": 2 * math.sqrt(2) * 83,
     "12.2": 6.3e-3 / (150 * RPM) * 31310,
+    "14.1": 4 * math.sqrt(2 / (20 * 64)),
+    # the worst of two unit vectors 45° apart: half the angle between them
+    "14.2": 1 / (math.sqrt(2) * math.sin(math.radians(22.5))),
+    "14.3": brentq(lambda w: abs(OMEGA**2 - w**2 + 0.02j * OMEGA * w)
+                   - 2 * abs(OMEGA**2 - PULL / MASS - w**2 + 0.02j * OMEGA * w),
+                   280 * RPM, OMEGA) / RPM,
 }
 
 

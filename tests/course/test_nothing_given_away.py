@@ -31,7 +31,7 @@ def before(number: str) -> str:
     """All that is shown before the cell that checks an exercise; its question may hold numbers."""
     chapter, text = int(number.split(".")[0]), []
     for at in range(chapter + 1):
-        for cell in NOTEBOOKS[at]["cells"]:
+        for cell in NOTEBOOKS.get(at, {"cells": []})["cells"]:
             if at == chapter and f'check("{number}"' in cell["source"]:
                 return "\n".join(text[:-1])
             text.append(shown(cell))
