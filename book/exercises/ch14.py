@@ -6,10 +6,8 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 from scipy.optimize import brentq
 
@@ -74,27 +72,23 @@ def known() -> Identified:
     return identify(unit(), clean, list(FREE))
 
 
-def own_unit(said: Mapping[str, Any]) -> str:
+def own_unit(said: Identified) -> str:
     """What to say to whoever hands in a model of the unknown unit."""
-    values, best = said["values"], known()
-    if not isinstance(values, Mapping):
-        return "noted, but the values are a dictionary of numbers by key."
-    told = []
-    for key in best.values:
-        if key not in values:
-            told.append(f"{key} is taken from the card, and it is one of those that differ")
-            continue
-        away = float(values[key]) - best.values[key]
+    best = known()
+    if said.rejected:
+        return (f"noted, but the records reject this model: χ² is {said.chi_square:.4g} at "
+                f"{said.freedom} degrees of freedom. Furthest off: {said.worst}.")
+    off = []
+    for key in best.values.keys() & said.values.keys():
+        away = said.values[key] - best.values[key]
         if best.units[key] == "rad":
             away = (away + math.pi) % (2 * math.pi) - math.pi
         if abs(away) > NEAR * best.errors[key]:
-            told.append(f"{key} is {abs(away) / best.errors[key]:.0f} standard errors from where "
-                        "the records have it")
-    few = " Reasons need numbers: write down what rejected what." * (
-        len(str(said["reasons"]).split()) < 8)
-    return (f"noted. {'; '.join(told)[0].upper()}{'; '.join(told)[1:]}." if told else
-            f"noted. Within {NEAR:g} standard errors each of your numbers is what the records "
-            "tell.") + few
+            off.append(f"{key} by {abs(away) / best.errors[key]:.0f}")
+    if off:
+        return ("noted. The records do not reject this model, and hydrolab's own differs from it, "
+                f"in standard errors: {'; '.join(sorted(off))}.")
+    return "noted. The records do not reject this model, and hydrolab finds the same numbers."
 
 
 EXERCISES = {
@@ -130,7 +124,7 @@ EXERCISES = {
         Mistake(lambda right: 1e6 * run_of(0, 1.0, ("generator",)).order("generator", 1)[0],
                 "This is the unit before it was balanced."),
     )),
-    "14.5": Exercise(lambda: {"values": dict(known().values), "reasons": "what rejected what"},
+    "14.5": Exercise(known,
                      see="A wrong model is seen in what it leaves over", reply=own_unit, rubric=(
         (1, "run-out taken away, and what happens without that"),
         (2, "a model that is not rejected, and the one before it that was, both with their χ²"),
