@@ -28,7 +28,7 @@ from hydrolab.explorers.legs import Legs
 from hydrolab.figures.readings import microns
 from hydrolab.figures.style import BLUE, COLOURS, PURPLE
 from hydrolab.live import solids
-from hydrolab.live.bodies import PAINT, linear_rgb, rgb
+from hydrolab.live.bodies import PAINT, PRESSURE, linear_rgb, rgb
 
 EM = 0.4  # units of the drawing: height of letters; 18 pixels at least on a screen of 768
 WIDTH, PAD, LINE = 0.6, 0.3, 1.45  # em: of a letter on average, beside the words, of a line
@@ -79,8 +79,11 @@ class Label:
 HALF, WIDE, HIGH, MARGIN = 3.1, 5.3, 2.7, 0.35
 ORBIT = np.array([0.0, 2.6])  # middle of the orbit's square on the board
 BRANCH = np.array([-0.42 * WIDE, -4.75])  # where the branch's axes meet
-LOW, TOP, SIDE = -6.1, ORBIT[1] + HALF + MARGIN, HALF + MARGIN
+KEY = np.array([-3.1, -6.45])  # the colours of the pressure begin here
+LOW, TOP, SIDE = -6.85, ORBIT[1] + HALF + MARGIN, HALF + MARGIN
 HEAD = 1.0  # of the line above the board
+DIAMOND = 0.11 * np.array([[-1, 0], [0, 1], [1, 0], [0, -1], [-1, 0]])
+TRIANGLE = 0.14 * np.array([[-1, -0.7], [0, 1], [1, -0.7], [-1, -0.7]])
 TAIL, LONG = 24, 0.45  # segments of the tail, and its length in revolutions
 FILLED = 0.8  # of half the square, by the farthest point of the orbit
 WALL = 256  # points of the gap's wall
@@ -212,6 +215,12 @@ class Board:
         if self.branch:
             axes = BRANCH + np.array([[0, 1.06 * HIGH], [0, 0], [1.04 * WIDE, 0]])
             self.line("axes", lines_of(axes.T), frame, 2.0)
+            colours = linear_rgb(PRESSURE[:-1:8])
+            x = KEY[0] + 0.26 * np.arange(9)
+            key = np.stack([np.column_stack([x[:-1], KEY[1] + 0 * x[1:]]),
+                            np.column_stack([x[1:], KEY[1] + 0 * x[1:]])], axis=1)
+            self.line("key", key, np.repeat(colours[:, None], 2, axis=1), 14.0)
+            self.write("key", "pressure ½ to 2×", KEY + [2.25, 0.0], "center-left")
         ink = (235, 235, 235) if dark else (40, 40, 40)
         self.tail_colours = np.linspace(np.array(plate) / 255, np.array(ink) / 255, TAIL + 1)
         if "tail" in self.moving:
@@ -265,8 +274,11 @@ class Board:
         place[(np.abs(place - ORBIT) > HALF).any(axis=1)] = np.nan
         self.line("wall", lines_of(place.T), rgb(COLOURS["stator"]), 9.0)
 
-    def show_branch(self, legs: Legs, doubled: Sequence[Legs] = ()) -> None:
-        """Draw steady states over the eccentricity: stable, unstable, of two revolutions."""
+    def show_branch(self, legs: Legs, doubled: Sequence[Legs] = (),
+                    flips: Sequence[PeriodicOrbit] = ()) -> None:
+        """Draw steady states over the eccentricity: stable, unstable, of two revolutions; diamonds
+        at folds, triangles at flips.
+        """
         stable = [some.lines(some.first).get("stable", ([], [0.0]))[1] for some in (legs, *doubled)]
         highest = max(float(np.nanmax(heights)) for heights in stable)
         self.reach = 100 * max(legs.reach, 0.01), 1.15 * highest
@@ -283,13 +295,13 @@ class Board:
         for word, parts in drawn.items():
             self.line(f"branch {word}", np.concatenate([*parts, np.empty((0, 2, 2))]),
                       rgb(colours[word]), 4.0)
-        folds = [self.on_branch(100 * orbit.static_eccentricity,
-                                legs.first(np.empty(0), orbit.local[None])[0])
-                 for orbit in legs.at_folds()]
-        diamond = 0.11 * np.array([[-1, 0], [0, 1], [1, 0], [0, -1], [-1, 0]])
-        diamonds = [lines_of((at + diamond).T) for at in folds if at[1] < BRANCH[1] + HIGH]
-        self.line("folds", np.concatenate([*diamonds, np.empty((0, 2, 2))]), rgb(COLOURS["fold"]),
-                  4.0)
+        for name, orbits, colour, mark in (("folds", legs.at_folds(), COLOURS["fold"], DIAMOND),
+                                           ("flips", flips, PURPLE, TRIANGLE)):
+            places = [self.on_branch(100 * orbit.static_eccentricity,
+                                     legs.first(np.empty(0), orbit.local[None])[0])
+                      for orbit in orbits]
+            marks = [lines_of((at + mark).T) for at in places if at[1] < BRANCH[1] + HIGH]
+            self.line(name, np.concatenate([*marks, np.empty((0, 2, 2))]), rgb(colour), 4.0, 0.04)
         self.moving["ball"].visible = True
         step = round_down(0.6 * self.reach[0])
         for k, share in enumerate((0.0, step)):

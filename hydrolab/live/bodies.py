@@ -33,9 +33,16 @@ PAINT = COLOURS["unstable"]  # on whatever turns, so that its turning is seen
 HUB = [[0.001, -0.95], [0.16, -0.9], [0.42, -0.62], [0.62, -0.25], [0.66, 0.1], [0.58, 0.34],
        [0.3, 0.46], [0.001, 0.46]]
 # of the parts in the gap; `gap_solids` has their shapes
-GAP_COLOURS = {"/stator/wall": "#486082", "/stator/rims": "#1C2A3E", "/stator/winding": "#B86834",
-               "/rotor/rim": "#3A4656", "/rotor/spider": "#8FA3B3", "/rotor/poles": "#0072B2",
-               "/rotor/other poles": "#56B4E9", "/rotor/painted pole": PAINT}
+STEEL, COPPER, BLUE_PAINT = "#8C98A4", "#B4652C", "#3F668F"
+GAP_COLOURS = {"/stator/wall": BLUE_PAINT, "/stator/rims": "#26384F", "/stator/winding": COPPER,
+               "/stator/slots": "#23282E", "/rotor/rim": "#4A545F", "/rotor/spider": STEEL,
+               "/rotor/coils": COPPER, "/rotor/poles": "#616D79", "/rotor/other poles": "#A3AFBA",
+               "/rotor/painted pole": PAINT}
+TEETH, BORE = 72, 0.998  # on the whole bore, and where they are seen, of its radius
+SLOT = 0.3 * math.pi / TEETH  # rad; half of a slot
+GATES, GATE = 20, 2.2  # around a runner, and how far out, of the disc's radius
+# colours of the pull's pressure on the bore, from half to twice that of a rotor in the middle
+PRESSURE = colormaps["coolwarm"](np.linspace(0, 1, 65))[:, :3]
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
@@ -57,6 +64,9 @@ def orbit_colours(away: NDArray, largest: float) -> NDArray:
     """
     share = np.clip(away / largest if largest else away, 0, 1)
     return linear_rgb(colormaps["inferno"](0.15 + 0.63 * share)[..., :3])
+
+
+SHADES = linear_rgb(PRESSURE)
 
 
 @dataclass(frozen=True)
@@ -128,7 +138,7 @@ def is_runner(machine: Machine, body: RigidBody) -> bool:
 
 def drawn_radius(machine: Machine, body: RigidBody) -> float:
     """How far from the axis a body that is not the generator's rotor is drawn, m."""
-    return (TIP if is_runner(machine, body) else 1.0) * disc_radius(body)
+    return (GATE if is_runner(machine, body) else 1.0) * disc_radius(body)
 
 
 def bearing_places(machine: Machine, radius: float) -> dict[str, float]:
@@ -149,6 +159,12 @@ def bearing_places(machine: Machine, radius: float) -> dict[str, float]:
     return places
 
 
+def teeth(sizes: Sizes) -> NDArray:
+    """Angles of the teeth that are left of the bore, rad."""
+    low, high = sizes.uncut
+    return np.arange(low + math.pi / TEETH, high - 0.5 * math.pi / TEETH, 2 * math.pi / TEETH)
+
+
 def gap_solids(machine: Machine, sizes: Sizes, factor: float) -> dict[str, solids.Solid]:
     """The stator, cut away, and the generator's rotor, with a gap and shapes drawn `factor` times
     as large: poles as many as the card says, in two colours and one painted.
@@ -160,19 +176,26 @@ def gap_solids(machine: Machine, sizes: Sizes, factor: float) -> dict[str, solid
     coils = [solids.swept(np.array([[1.02 * inner, z], [1.07 * inner, z], [1.08 * inner, z + coil],
                                     [1.03 * inner, z + coil]]), uncut[0] + 0.02, uncut[1] - 0.02,
                           96) for z in (-half - rim - coil, half + rim)]
-    still = {"wall": wall, "rims": solids.joined(*rims), "winding": solids.joined(*coils)}
+    slots = [solids.turned(solids.ring(BORE * inner, inner, -half, half, -SLOT, SLOT, 1), a)
+             for a in teeth(sizes) + math.pi / TEETH]
+    still = {"wall": wall, "rims": solids.joined(*rims), "winding": solids.joined(*coils),
+             "slots": solids.joined(*slots[:-1])}
 
     radius = drawn_rotor_radius(inner, machine.air_gap.gap, factor)
     poles = 2 * machine.poles.pole_pairs if machine.poles else POLES
     wide = 0.36 * 2 * math.pi / poles
     pole = solids.ring(0.9 * radius, radius, -height / 2, height / 2, -wide, wide,
                        2 * math.ceil(20 * wide))
+    coil = solids.ring(0.9 * radius, 0.955 * radius, -0.53 * height, 0.53 * height, -1.22 * wide,
+                       1.22 * wide, 2 * math.ceil(20 * wide))
     around = [solids.turned(pole, 2 * math.pi * k / poles) for k in range(poles)]
     arm = solids.box(0.05 * radius, 0.77 * radius, 0.12 * radius, -0.2 * height, 0.12 * height)
     arms = [solids.turned(arm, 2 * math.pi * k / 6) for k in range(6)]
     turning = {"rim": solids.ring(0.8 * radius, 0.9 * radius, -0.42 * height, 0.42 * height),
                "spider": solids.joined(*arms, solids.ring(0.001, 0.2 * radius, -0.5 * height,
                                                           0.3 * height)),
+               "coils": solids.joined(*(solids.turned(coil, 2 * math.pi * k / poles)
+                                        for k in range(poles))),
                "other poles": solids.joined(*around[1::2]), "painted pole": around[0]}
     if poles > 2:
         turning["poles"] = solids.joined(*around[2::2])
@@ -197,6 +220,9 @@ class Parts:
     gap: dict[str, Any] = field(default_factory=dict)
     moving: dict[str, Any] = field(default_factory=dict)
     riding: list[tuple[str, int, bool]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._out = {side: out_of_round(self.machine, side, 1.0) for side in ("stator", "rotor")}
 
     def add(self, depths: NDArray, factor: float) -> None:
         """Add all parts. depths: of the shaft's nodes as drawn, m. factor: the exaggeration."""
@@ -249,8 +275,31 @@ class Parts:
         self.frame("stator", "/stator")
         self.frame(self.machine.air_gap.body, "/rotor")
         for path, solid in gap_solids(self.machine, self.sizes, factor).items():
-            clear = {"opacity": 0.38, "cast_shadow": False} if path == "/stator/wall" else {}
-            self.gap[path] = self.solid(path, solid, GAP_COLOURS[path], **clear)
+            self.gap[path] = self.solid(path, solid, GAP_COLOURS[path])
+        inner, half, angle = self.sizes.stator, 0.62 * self.sizes.height, teeth(self.sizes)
+        wide = math.pi / TEETH - SLOT
+        tooth = solids.ring(BORE * inner, inner, -half, half, -wide, wide, 2)
+        turns = np.stack([np.cos(angle / 2), 0 * angle, 0 * angle, np.sin(angle / 2)], axis=1)
+        self.moving["teeth"] = self.server.scene.add_batched_meshes_simple(
+            "/stator/teeth", *tooth, turns, self._bulges(factor), flat_shading=True, lod="off",
+            batched_colors=np.full((len(angle), 3), 200, np.uint8), cast_shadow=False,
+            receive_shadow=False)
+
+    def _bulges(self, factor: float) -> NDArray:
+        """Where the teeth lie on a bore that is not round, m, (T, 3)."""
+        angle = teeth(self.sizes)
+        out = out_of_round(self.machine, "stator", factor)(angle) * np.ones(len(angle))
+        return np.stack([out * np.cos(angle), out * np.sin(angle), 0 * angle], axis=1)
+
+    def dress_pressure(self, away: NDArray, phase: float) -> None:
+        """Colour the teeth by the pressure on them, (gap / local gap)² as of a field that the gap
+        alone weakens, for a rotor at x, z from the stator's centre, m.
+        """
+        gap, angle = self.machine.air_gap.gap, teeth(self.sizes)
+        local = gap + self._out["stator"](angle) - self._out["rotor"](angle + phase) - (
+            away[0] * np.cos(angle) + away[1] * np.sin(angle))
+        share = np.clip(0.5 + np.log2(gap / np.maximum(local, 0.01 * gap)), 0, 1)
+        self.moving["teeth"].batched_colors = SHADES[np.round(64 * share).astype(int)]
 
     def dress_ghost(self, rings: NDArray, colours: NDArray) -> None:
         """What the shaft sweeps: rings at its nodes, (N, P, 3) and their colours, and the ghost
@@ -272,6 +321,8 @@ class Parts:
         """Draw the gap with another exaggeration."""
         for path, (vertices, _) in gap_solids(self.machine, self.sizes, factor).items():
             self.gap[path].vertices = vertices.astype(np.float32)
+        if self.machine.shapes:
+            self.moving["teeth"].batched_positions = self._bulges(factor).astype(np.float32)
 
     def add_body(self, body: RigidBody) -> None:
         """A body that is not the generator: a Kaplan runner at the lower end of the shaft, a disc
@@ -283,14 +334,30 @@ class Parts:
             plate = solids.blade(0.5 * radius, TIP * radius, 0.32)
             around = [solids.turned(plate, 2 * math.pi * k / BLADES) for k in range(BLADES)]
             self.solid(f"{path}/hub", solids.swept(np.array(HUB) * radius), "#42545C", flat=False)
-            self.solid(f"{path}/blades", solids.joined(*around[1:]), COLOURS["stable"], flat=False,
+            self.solid(f"{path}/blades", solids.joined(*around[1:]), "#87A59A", flat=False,
                        side="double")
+            self.add_casing(-float(self.machine.shaft.nodes[body.node] + body.offset), radius)
             self.solid(f"{path}/painted", around[0], PAINT, flat=False, side="double")
             return
         thick = max(0.06 * radius, 0.02)
         self.solid(f"{path}/disc", solids.ring(0.001, radius, -thick, thick), COLOURS["rotor"])
         self.solid(f"{path}/mark", solids.box(0.55 * radius, 0.44 * radius, 0.16 * radius,
                                               -1.05 * thick, 1.05 * thick), PAINT)
+
+    def add_casing(self, height: float, radius: float) -> None:
+        """What stands around a runner, cut towards the view: its cone, and the wicket gates."""
+        tip, (low, high) = 1.06 * TIP * radius, self.sizes.uncut
+        cone = np.array([[tip, -0.3], [1.15 * tip, -1.0], [1.18 * tip, -1.0], [1.03 * tip, -0.3],
+                         [1.03 * tip, 0.35], [tip, 0.35]]) * [1.0, radius]
+        self.solid("/casing/cone", solids.raised(solids.swept(cone, low, high, 64), height),
+                   "#5C7F8C", opacity=0.45, side="double", cast_shadow=False)
+        plate = solids.turned(solids.box(-0.17 * radius, 0.34 * radius, 0.05 * radius,
+                                         0.42 * radius, 0.95 * radius), math.radians(55))
+        plate = plate[0] + [(GATE - 0.17) * radius, 0.0, 0.0], plate[1]
+        around = [solids.turned(plate, a) for a in np.linspace(low, high, GATES, endpoint=False)]
+        ring = solids.ring((GATE - 0.35) * radius, GATE * radius, 0.36 * radius, 0.42 * radius, low,
+                           high)
+        self.solid("/casing/gates", solids.raised(solids.joined(*around, ring), height), "#6C8A96")
 
     def add_guides(self) -> None:
         """Every bearing that is no thrust bearing, in a housing cut towards the view."""

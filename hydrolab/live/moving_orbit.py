@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from threading import Thread
 
 import numpy as np
 from numpy.typing import NDArray
@@ -250,20 +251,24 @@ def all_legs(machine: Machine) -> Legs:
 
 
 @lru_cache(maxsize=4)
-def doubled_of(branch: Branch) -> tuple[Legs, ...]:
-    """The motions of two revolutions that begin where a branch loses its stability in a flip."""
+def doubled_of(branch: Branch) -> tuple[tuple[Legs, ...], tuple[PeriodicOrbit, ...]]:
+    """The motions of two revolutions that begin where a branch loses its stability in a flip, and
+    the orbits at those flips.
+    """
     found: list[Legs] = []
+    at: list[PeriodicOrbit] = []
     stability = branch_stability(branch)
     words = verdicts(branch, stability.points)
     for flip in stability.flips:
         if "stable" not in words[max(flip.after - 1, 0):flip.after + 3]:
             continue  # between motions that no machine can be in
+        at.append(branch.orbit(flip.value, flip.unknowns, 0.0))
         try:
             off, stability = branch_off(branch, flip)
         except NoConvergence:
             continue
         found.append(Legs(off, stability.points))
-    return tuple(found)
+    return tuple(found), tuple(at)
 
 
 class LiveOrbit:
@@ -280,6 +285,8 @@ class LiveOrbit:
         self.legs: Legs | None = None
         self.strength = (1.0, 1.0)
         self.doubled: tuple[Legs, ...] = ()
+        self.flips: tuple[PeriodicOrbit, ...] = ()
+        self.search: Thread | None = None  # for the motions of two revolutions, beside the loop
         if not machine.speed > 0:
             raise BadInput("speed is 0 rad/s; the 3D view shows a turning machine.")
         if branch is not None:
@@ -319,6 +326,17 @@ class LiveOrbit:
         orbit = legs.orbit(eccentricity, own)
         return orbit, "unknown" if orbit is None else legs.verdict(orbit.static_eccentricity, own)
 
+    def search_doubled(self) -> None:
+        """Begin `look_for_doubled` in a thread, once, so that what is drawn goes on."""
+        if self.search is None and self.own is not None:
+            self.search = Thread(target=self.look_for_doubled, name="hydrolab flips", daemon=True)
+            self.search.start()
+
+    @property
+    def searching(self) -> bool:
+        """Whether the motions of two revolutions are being looked for."""
+        return self.search is not None and self.search.is_alive()
+
     def look_for_doubled(self) -> None:
         """Find the motions of two revolutions, of the card's field and unbalance; takes seconds."""
         if self.own and self.strength == (1.0, 1.0) and not self.doubled and (
@@ -326,7 +344,9 @@ class LiveOrbit:
             with threadpool_limits(1):
                 # the first three legs hold every stable motion, and take a third of the time
                 same = self.own is all_legs(self.machine) if self.machine.air_gap else False
-                self.doubled = doubled_of((legs_of(self.machine) if same else self.own).branch)
+                found = doubled_of((legs_of(self.machine) if same else self.own).branch)
+            if self.strength == (1.0, 1.0):  # not changed meanwhile
+                self.doubled, self.flips = found
 
     def at(self, eccentricity: float, leg: int, field: float, unbalance: float,
            before: Shown | None = None) -> Shown:
@@ -360,7 +380,7 @@ class LiveOrbit:
         """Move the branch to another field and unbalance."""
         if (field, unbalance) == self.strength:
             return
-        self.doubled = ()
+        self.doubled, self.flips = (), ()
         if (field, unbalance) == (1.0, 1.0):
             self.legs = self.own
         else:
@@ -377,8 +397,10 @@ class LiveOrbit:
         named = self.name(leg)
         how = "has ended" if there is None else "is stable no more"
         gone = f"At {percent(eccentricity, 4)} {named} {how}"
-        if there is not None and there.revolutions == 1:
+        if there is not None and there.revolutions == 1 and not self.searching:
             self.look_for_doubled()
+        elif there is not None and self.searching:
+            return self._kept(before, f"{gone}; what follows is being looked for.")
         stable = [i for i in self.stable_at(eccentricity) if i != leg]
         two = [i for i in stable if self.ways[i][0].branch.equations.revolutions > 1]
         if two and there is not None:  # a flip: the new motion grows out of the old one

@@ -170,6 +170,7 @@ class MachineScene:
         self.jump: Jump | None = None
         self.flight: Flight | None = None
         self._begun, self.held, self._landed = 0.0, False, 0
+        self._searched = False  # whether the thread that looks for flips has not been heard yet
         self._until = math.inf  # the phase at which it stops
         self._eased = 0.0  # s since what is drawn set out for `where`
         self._glide: tuple[SceneSettings, SceneSettings, float, float] | None = None
@@ -340,15 +341,19 @@ class MachineScene:
                        f"gap {1e3 * shown.orbit.smallest_gap:.2f} of {1e3 * gap.gap:.3g} mm"
                        if gap else "", self._said_scale, settings.names)
         self.board.show_orbit(shown.orbit, shown.verdict, flight.shown if flight else None)
-        branches = self.live.legs, self.live.doubled
-        if self.live.legs is not None and branches != self._drawn_branch:
-            self.board.show_branch(*branches)
-            self._drawn_branch = branches
+        self._dress_branch()
         if gap is None:
             return
         self.parts.dress_gap(settings.exaggeration)
         largest = float(np.hypot(*self._pull(PERIOD * shown.orbit.revolutions)).max())
         self._pull_scale = ARROW * self.sizes.unit / max(largest, 1e-9)
+
+    def _dress_branch(self) -> None:
+        """The branch, where it is another one or more of it has been found."""
+        branches = self.live.legs, self.live.doubled, self.live.flips
+        if self.live.legs is not None and branches != self._drawn_branch:
+            self.board.show_branch(*branches)
+            self._drawn_branch = branches
 
     def _pull(self, phase: NDArray) -> NDArray:
         """Magnetic pull on the generator at phases of the orbit, N, (2, P)."""
@@ -400,6 +405,7 @@ class MachineScene:
         moving, gap, factor = self.parts.moving, self.machine.air_gap, self._applied.exaggeration
         at = self.at
         moving["stator"].position = (*(factor * self.centre), -self.drawn.depths[at])
+        self.parts.dress_pressure(motion[at, :2] - self.centre, phase)
         if self.flight is None:
             fx, fz = self._pull_scale * self._pull(np.array([phase]))[:, 0]
         else:
@@ -430,6 +436,12 @@ class MachineScene:
             if wanted.dark != self._applied.dark:
                 self._light(wanted.dark)
             self._applied = self._settled(wanted)
+            self._dress()
+        elif self._searched and not self.live.searching:  # what it waited for is known
+            self._searched = False
+            if self.shown.verdict == "unknown":
+                self._solve(wanted)
+                self._applied = self._settled(wanted)
             self._dress()
         if self._pending is not None and self._pending.work(math.inf if passed == math.inf
                                                             else WORK):
@@ -520,6 +532,8 @@ class MachineScene:
         """Start the loop that moves the machine; it ends with `stop`."""
         if self._thread is None:
             self._stopping = False
+            self.live.search_doubled()
+            self._searched = self.live.search is not None
             self._thread = threading.Thread(target=self._loop, name="hydrolab scene", daemon=True)
             self._thread.start()
 

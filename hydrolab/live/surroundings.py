@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 from viser import ViserServer
 
+from hydrolab.live import solids
 from hydrolab.live.board import EM, SIDE, TOP, Board, Label, bottom
 from hydrolab.live.bodies import Sizes, bearing_places, drawn_radius
 from hydrolab.machine.parts import Machine
@@ -26,6 +27,7 @@ LENS = math.radians(32)
 RISE = 0.36  # rad; how far above the horizon the first view stands
 ASPECT = 1.36  # width over height of the picture beside the panel on a screen of 1366 × 768
 LINE_GAP = 3.0  # em between two names: from above they come nearer to one another
+PERSON = 1.75  # m
 PORTRAIT = 0.9  # below this a picture has the board above the machine, not beside it
 # of the height of such a picture: what lies under the folded panel, and under a warning
 FOOT, STRIP = 0.25, 0.05
@@ -168,6 +170,18 @@ def add_lines(server: ViserServer, path: str, lines: NDArray, colours: Any,
                                    thickness_units="screen")
 
 
+def add_person(server: ViserServer, sizes: Sizes) -> None:
+    """A person on the floor, for scale."""
+    outline = np.array([[0.001, 0.0], [0.15, 0.0], [0.17, 0.8], [0.25, 1.4], [0.08, 1.5],
+                        [0.11, 1.6], [0.11, 1.7], [0.001, PERSON]])
+    points, faces = solids.swept(outline, steps=24)
+    right, up, near = turn_of(sizes, 0.0).T
+    aside = 1.6 * near - right if sizes.lying else -1.12 * right
+    where = max(sizes.stator, sizes.unit) * aside + floor_of(sizes) * up
+    server.scene.add_mesh_simple("/person", points @ np.stack([right, -near, up]) + where, faces,
+                                 color=(66, 84, 110), receive_shadow=False)
+
+
 def add_surroundings(server: ViserServer, sizes: Sizes, dark: bool) -> None:
     """Floor, axis and lights; no environment map, which flashes white where a recording loops."""
     scene, u = server.scene, sizes.unit
@@ -186,6 +200,11 @@ def add_surroundings(server: ViserServer, sizes: Sizes, dark: bool) -> None:
                    cell_color=cells, section_color=sections, plane_color=plane, plane_opacity=1.0,
                    position=tuple(floor_of(sizes) * sizes.up), shadow_opacity=0.16,
                    plane="xz" if sizes.lying else "xy", fade_distance=46.0 * u, fade_strength=2.0)
+    light, deep = ((58, 63, 72), (24, 26, 31)) if dark else ((208, 219, 230), (246, 248, 250))
+    scene.set_background_image(np.linspace(light, deep, 64).astype(np.uint8)[:, None].repeat(2, 1),
+                               format="png")
+    if u > PERSON / 6:
+        add_person(server, sizes)
     z = np.arange(sizes.bottom - 1.1 * u, sizes.top + 1.9 * u, 0.3 * u)
     dashes = np.zeros((len(z), 2, 3))
     dashes[:, 0, 2], dashes[:, 1, 2] = z, z + 0.17 * u
@@ -235,7 +254,7 @@ def places_to_name(machine: Machine, sizes: Sizes,
         below = max(heights[words[0]], below + line)
         outer = max(aside.get(name, 5.4 * sizes.shaft) for name in words)
         if sizes.lying:
-            out, outer = sizes.up, above + i % 3 * line
+            out, outer = sizes.up, above + i % 3 * 1.15 * line
         yield ", ".join(words), outer * out + [0, 0, below]
 
 
