@@ -20,7 +20,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,26 +141,26 @@ class Identified:
 
 
 class _Fit:
-    """The terms of χ² as a function of the scaled unknowns."""
+    """The terms of χ² as a function of the scaled unknowns y, and the search for the least."""
 
-    def __init__(self, machine: Machine, records: Sequence[ProbeRecord], start: dict[str, float],
-                 orders: Sequence[int], probe_error: float, balance: HarmonicBalance) -> None:
-        self.machine, self.records, self.balance, self.start = machine, records, balance, start
+    def __init__(self, machine: Machine, records: Sequence[ProbeRecord], unknowns: list[Unknown],
+                 prior: Mapping[str, tuple[float, float]], orders: Sequence[int],
+                 balance: HarmonicBalance) -> None:
+        self.machine, self.records, self.balance = machine, records, balance
+        self.unknowns, self.prior = unknowns, prior
+        self.cuts = np.cumsum([len(unknown.keys) for unknown in unknowns])[:-1]
         self.orbits: Sequence[PeriodicOrbit | None] = [None] * len(records)
         self.columns = whole_orders(*orders)
         self.theirs = [c // 2 for c in self.columns]  # the same in a steady state
-        self.names = [probe.name for probe in records[0].probes]
-        measured = np.array([record.fitted[0][:, self.columns] for record in records])
-        errors = np.array([record.fitted[1][:, self.columns] for record in records])
-        self.means = [i for i, column in enumerate(self.columns) if column == 0]
-        # each mean counts as it differs from that of all records, weighted
-        self.weight = errors**-2 / (errors**-2).sum(axis=0)
-        self.measured = self.centred(measured)
         self.orders = np.array([(c + 1) // 4 for c in self.columns])
+        measured, self.sharp = (np.array([record.fitted[part][:, self.columns]
+                                          for record in records]) for part in (0, 1))
+        # each mean counts as it differs from that of all records, weighted
+        self.weight = self.sharp**-2 / (self.sharp**-2).sum(axis=0)
+        self.measured = self.centred(measured)
         same = self.orders[:, None] == self.orders
-        self.sharp, self.sizes = errors, np.sqrt(self.measured**2 @ same)
-        self.blur(probe_error)
-        self.freedom = measured.size - len(self.names) * len(self.means)
+        self.sizes = np.sqrt(self.measured**2 @ same)
+        self.lost = measured.shape[1] * int((self.orders == 0).sum())  # to those means
 
     def blur(self, probe_error: float, far: float = 1.0) -> None:
         """Count errors of the probes' sensitivity, a fraction of each order, with the others; far:
@@ -173,30 +173,85 @@ class _Fit:
     def centred(self, values: NDArray) -> NDArray:
         """Coefficients (records, probes, columns) with each mean counted from that of all records.
         """
-        out = values.copy()
-        for i in self.means:
-            out[:, :, i] -= (self.weight * values)[:, :, i].sum(axis=0)
-        return out
+        return values - (self.weight * values).sum(axis=0) * (self.orders == 0)
+
+    def values(self, y: NDArray) -> dict[str, float]:
+        """The numbers by key."""
+        parts = zip(self.unknowns, np.split(y, self.cuts), strict=True)
+        return {key: v for unknown, part in parts for key, v in unknown.values(part).items()}
 
     def machine_of(self, values: Mapping[str, float]) -> Machine:
         """The machine with these numbers of its card."""
-        own = {key: value for key, value in values.items()
-               if key not in ("static_eccentricity", "direction")}
-        return self.machine.with_numbers(own)
+        return self.machine.with_numbers({key: value for key, value in values.items()
+                                          if key not in ("static_eccentricity", "direction")})
 
-    def solve(self, values: Mapping[str, float]) -> NDArray:
-        """(u − û)/σ of all records, (records, probes, columns); the orbits are kept."""
-        model, stator = self.machine_of(values).model(), {**self.start, **values}
-        seen, orbits = [], []
-        for i, record in enumerate(self.records):
+    def terms(self, y: NDArray) -> NDArray:
+        """(u − û)/σ of all records, then of the prior; the orbits are kept as `found`."""
+        now = self.values(y)
+        model, seen, self.found = self.machine_of(now).model(), [], []
+        for record, start in zip(self.records, self.orbits, strict=True):
             orbit = self.balance.solve(model.with_field(record.field), record.speed,
-                                       stator["static_eccentricity"],
-                                       direction=stator["direction"], start=self.orbits[i])
+                                       now.get("static_eccentricity", 0.0), start=start,
+                                       direction=now.get("direction", math.pi / 2))
             motion = {place: motion_at(orbit, place) for place in record.places}
             seen.append([(p.row @ motion[p.place])[self.theirs] for p in record.probes])
-            orbits.append(orbit)
-        self.found = orbits
-        return (self.centred(np.array(seen)) - self.measured) / self.errors
+            self.found.append(orbit)
+        of_prior = [away(now[key], p, key) / error for key, (p, error) in self.prior.items()
+                    if key in now]
+        return np.append((self.centred(np.array(seen)) - self.measured) / self.errors, of_prior)
+
+    def slopes(self, y: NDArray) -> NDArray:
+        """∂ terms/∂y by central differences, (terms, unknowns)."""
+        self.terms(y)
+        self.orbits = self.found  # a trial step that is not taken leaves no trace
+        return np.stack([(self.terms(y + step) - self.terms(y - step)) / (2 * STEP)
+                         for step in STEP * np.eye(len(y))], axis=1)
+
+    def search(self, y: NDArray, probe_error: float) -> tuple[float, NDArray]:
+        """The least χ² from y on, and where it is."""
+        self.orbits = [None] * len(self.records)
+        count = self.measured.size + sum(key in self.values(y) for key in self.prior)
+
+        def tried(y: NDArray) -> NDArray:
+            try:
+                return self.terms(y)
+            except (BadInput, NoConvergence, Contact):
+                return np.full(count, math.nan)  # the search then takes a shorter step
+
+        for share, far in STAGES:
+            self.blur(max(share, probe_error), far)
+            y = least_squares(tried, y, self.slopes, xtol=1e-4 if share else 1e-9, gtol=None,
+                              ftol=1e-2 if share else 1e-7, x_scale="jac", max_nfev=40).x
+        return float(self.terms(y) @ self.terms(y)), y
+
+    def told(self, y: NDArray, freedom: int, units: Mapping[str, str]) -> Identified:
+        """The result at the best unknowns."""
+        best, slopes, left = self.values(y), self.slopes(y), self.terms(y)
+        _, s, rows = np.linalg.svd(slopes, full_matrices=False)
+        root = rows.T / np.maximum(s, FLAT * s[0])  # (JᵀJ)⁻¹ is this times its transpose
+        near = [self.values(y + step) for step in STEP * np.eye(len(y))]
+        spread = np.array([[away(other[key], best[key], key) / STEP for other in near]
+                           for key in best]) @ root
+        error = np.linalg.norm(spread, axis=1)
+        correlation, keys = (spread @ spread.T) / np.outer(error, error), list(best)
+        own = {key: math.pi / 2 if is_angle(key) else abs(best[key]) for key in keys}
+        own |= {key: spread for key, (_, spread) in self.prior.items()}
+        return Identified(
+            best, dict(zip(keys, error.tolist(), strict=True)), {k: units[k] for k in keys},
+            correlation, float(left @ left), freedom,
+            tuple(key for key, e in zip(keys, error, strict=True) if e > VAGUE * own[key]),
+            tuple((keys[i], keys[j], float(correlation[i, j])) for i in range(len(keys))
+                  for j in range(i) if abs(correlation[i, j]) > TIED),
+            self.worst(left), self.machine_of(best), tuple(self.found), tuple(self.records))
+
+    def worst(self, left: NDArray) -> str:
+        """The term furthest from the model, in words."""
+        grid = left[:self.measured.size].reshape(self.measured.shape)
+        at, probe, column = np.unravel_index(np.abs(grid).argmax(), grid.shape)
+        record, order = self.records[at], self.orders[column]
+        return (f"{f'{order}X' if order else 'the mean'} of {record.probes[probe].name} in "
+                f"{record.name}, field {100 * record.field:.3g} %, "
+                f"{abs(grid[at, probe, column]):.3g} standard errors")
 
 
 def identify(machine: Machine, records: ProbeRecord | Sequence[ProbeRecord], free: Sequence[str], *,
@@ -206,12 +261,12 @@ def identify(machine: Machine, records: ProbeRecord | Sequence[ProbeRecord], fre
     """Find the numbers of a machine with which its steady states are those in the records.
 
     records: of the same probes, with and without field, or at several speeds. free: keys, as `vary`
-    takes them, and "static_eccentricity" (fraction of the gap) and "direction" (rad). prior: value
-    and standard error, SI, of what else is known of them, such as
-    `hydrolab.paper.calibration.family_prior(free)`. start: values to begin from, by default the
-    machine's own, and of the stator also those that are kept. orders: of the rotation that count, 0
-    for the mean. probe_error: of the sensitivity of a probe, as a fraction; a model is never better
-    than that. balance: by default with four harmonics.
+    takes them, and "static_eccentricity" (fraction of the gap) and "direction" (rad), which are 0
+    and π/2 unless free. prior: value and standard error, SI, of what else is known of numbers, such
+    as `hydrolab.paper.family_prior(free)`. start: values of free numbers to begin from, by default
+    the machine's own. orders: of the rotation that count, 0 for the mean. probe_error: of the
+    sensitivity of a probe, as a fraction; no model is better than that. balance: by default with
+    four harmonics.
 
     Raises BadInput for what cannot be identified, NoConvergence or Contact where the machine to
     begin from has no steady state.
@@ -220,109 +275,37 @@ def identify(machine: Machine, records: ProbeRecord | Sequence[ProbeRecord], fre
     records = [records] if isinstance(records, ProbeRecord) else list(records)
     same_probes(records)
     begin, units = _begin(machine, free, start or {})
-    unknowns = _unknowns(machine, free, begin, prior or {})
-    method = balance or HarmonicBalance(4)
-    if not set(orders) <= set(range(min(method.harmonics, 4) + 1)) or not set(orders) - {0}:
-        raise BadInput(f"orders is {shown(orders)}; it must be some of 0 to "
-                       f"{min(method.harmonics, 4)}, and not 0 alone.")
+    unknowns, method = _unknowns(machine, free, begin, prior or {}), balance or HarmonicBalance(4)
+    known = range(min(method.harmonics, 4) + 1)
+    if not set(orders) <= set(known) or not set(orders) - {0}:
+        raise BadInput(f"orders is {shown(orders)}; it must be some of 0 to {known[-1]}, and not 0 "
+                       "alone.")
     number("probe_error", probe_error, least=0, below=1)
-    fit = _Fit(machine, records, begin, sorted(set(orders)), probe_error, method)
-    sizes = np.cumsum([len(u.keys) for u in unknowns])[:-1]
-
-    def values(y: NDArray) -> dict[str, float]:
-        parts = zip(unknowns, np.split(y, sizes), strict=True)
-        return {key: v for unknown, part in parts for key, v in unknown.values(part).items()}
-
-    def terms(y: NDArray) -> NDArray:
-        now = values(y)
-        from_prior = [_away(now[key], p, units[key]) / error
-                      for key, (p, error) in (prior or {}).items() if key in now]
-        return np.append(fit.solve(now), from_prior)
-
+    fit = _Fit(machine, records, unknowns, prior or {}, sorted(set(orders)), method)
+    fit.blur(probe_error)
     y0 = np.concatenate([unknown.scaled(begin) for unknown in unknowns])
-    if (freedom := terms(y0).size - fit.measured.size + fit.freedom - len(y0)) < 1:
+    if (freedom := fit.terms(y0).size - fit.lost - len(y0)) < 1:
         raise BadInput(f"free has {len(y0)} numbers; the records hold no more terms than that.")
-
-    def slopes(y: NDArray) -> NDArray:
-        terms(y)
-        fit.orbits = fit.found  # a trial step that is not taken leaves no trace
-        return _derivative(terms, y)
-
-    def search(y: NDArray) -> tuple[float, NDArray]:
-        fit.orbits = [None] * len(records)
-        for share, far in STAGES:
-            fit.blur(max(share, probe_error), far)
-            y = least_squares(_or_nan(terms, y.size), y, slopes, xtol=1e-4 if share else 1e-9,
-                              ftol=1e-2 if share else 1e-7, gtol=None, x_scale="jac",
-                              max_nfev=40).x
-        return float(terms(y) @ terms(y)), y
 
     best, random = (math.inf, y0), np.random.default_rng(0)
     for _ in range(TRIES):
         with suppress(BadInput, NoConvergence, Contact):  # met a fold
-            best = min(best, search(y0), key=lambda found: found[0])
+            best = min(best, fit.search(y0, probe_error), key=lambda found: found[0])
         if gammaincc(freedom / 2, best[0] / 2) > LEVEL:
             break
         y0 = y0 + random.normal(0, 1, y0.size) * np.abs(y0).max() / 4
-    return _told(fit, values, best[1], terms(best[1]), slopes(best[1]), freedom, units, prior or {})
+    return fit.told(best[1], freedom, units)
 
 
-def _told(fit: _Fit, values: Any, y: NDArray, left: NDArray, slopes: NDArray, freedom: int,
-          units: Mapping[str, str], prior: Mapping[str, tuple[float, float]]) -> Identified:
-    """The result, from the terms left over at the best unknowns and their derivative."""
-    best = values(y)
-    keys = list(best)
-    _, s, rows = np.linalg.svd(slopes, full_matrices=False)
-    root = rows.T / np.maximum(s, FLAT * s[0])  # (JᵀJ)⁻¹ is this times its transpose
-    turn = [_away(np.array([values(y + step)[key] for step in STEP * np.eye(len(y))]), best[key],
-                  units[key]) / STEP for key in keys]
-    spread = np.array(turn) @ root
-    error = np.linalg.norm(spread, axis=1)
-    correlation = (spread @ spread.T) / np.outer(error, error)
-    errors = dict(zip(keys, error.tolist(), strict=True))
-
-    def vague(key: str) -> bool:
-        own = math.radians(90) if units[key] == "rad" else abs(best[key])
-        return errors[key] > VAGUE * (prior[key][1] if key in prior else own)
-
-    tied = tuple((keys[i], keys[j], float(correlation[i, j]))
-                 for i in range(len(keys)) for j in range(i) if abs(correlation[i, j]) > TIED)
-    grid = left[:fit.measured.size].reshape(fit.measured.shape)
-    record, probe, column = np.unravel_index(np.abs(grid).argmax(), grid.shape)
-    order = fit.orders[column]
-    worst = (f"{f'{order}X' if order else 'the mean'} of {fit.names[probe]} in "
-             f"{fit.records[record].name}, field {100 * fit.records[record].field:.3g} %, "
-             f"{abs(grid[record, probe, column]):.3g} standard errors")
-    return Identified(best, errors, {k: units[k] for k in keys}, correlation, float(left @ left),
-                      freedom, tuple(filter(vague, keys)), tied, worst, fit.machine_of(best),
-                      tuple(fit.found), tuple(fit.records))
+def is_angle(key: str) -> bool:
+    """Whether a key is that of an angle."""
+    return key.rpartition(".")[2] in PARTNERS.values()
 
 
-def _away(value: Any, other: float, unit: str) -> Any:
-    """A difference of two values, the short way round where they are angles."""
-    away = value - other
-    return (away + math.pi) % (2 * math.pi) - math.pi if unit == "rad" else away
-
-
-def _or_nan(terms: Any, size: int) -> Any:
-    """The terms, not a number where there is no steady state: the search then takes a shorter step.
-    """
-    def tried(y: NDArray) -> NDArray:
-        nonlocal size
-        try:
-            found = terms(y)
-        except (BadInput, NoConvergence, Contact):
-            return np.full(size, math.nan)
-        size = found.size
-        return found
-
-    return tried
-
-
-def _derivative(terms: Any, y: NDArray) -> NDArray:
-    """∂ terms/∂y by central differences, (terms, unknowns)."""
-    return np.stack([(terms(y + step) - terms(y - step)) / (2 * STEP)
-                     for step in STEP * np.eye(len(y))], axis=1)
+def away(value: float, other: float, key: str) -> float:
+    """How far a value of a key is from the other, the short way round where they are angles."""
+    return ((value - other + math.pi) % (2 * math.pi) - math.pi if is_angle(key)
+            else value - other)
 
 
 def same_probes(records: Sequence[ProbeRecord]) -> None:
@@ -339,15 +322,14 @@ def same_probes(records: Sequence[ProbeRecord]) -> None:
 
 def _begin(machine: Machine, free: Sequence[str],
            start: Mapping[str, float]) -> tuple[dict[str, float], dict[str, str]]:
-    """Where the search begins and the units, by the keys that are free and those of the stator."""
+    """Where the search begins and the units, by the keys that are free."""
     if isinstance(free, str) or not free or len(set(free)) < len(free):
         raise BadInput(f"free is {shown(free)}; it must be a list of different keys, such as "
                        '["bodies.generator.unbalance", "bodies.generator.phase"].')
-    given = dict(STATOR) | {key: machine.number(key) for key in free if key not in STATOR}
+    given = {key: STATOR[key] if key in STATOR else machine.number(key) for key in free}
     if unknown := set(start) - set(given):
         raise BadInput(f"start names {shown(min(unknown))}, which is not among the free numbers.")
-    still = {} if "static_eccentricity" in free else {"static_eccentricity": 0.0}
-    values = {key: value for key, (value, _) in given.items()} | still
+    values = {key: value for key, (value, _) in given.items()}
     values |= {key: number(f"start[{key!r}]", value) for key, value in start.items()}
     return values, {key: unit for key, (_, unit) in given.items()}
 
