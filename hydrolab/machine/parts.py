@@ -403,6 +403,9 @@ class Machine(Part):
             yield "poles.series", (f"is {shown(poles.series)}, a series for a round gap, and "
                                    f"shapes has {len(shapes)} entries; leave out poles.series or "
                                    "the shapes.")
+        if poles and shapes and poles.flux_share != 1.0:
+            yield "poles.flux_share", (f"is {poles.flux_share:g}, which is known for a round gap; "
+                                       "leave out poles.flux_share or the shapes.")
         if air.linear and (poles or shapes):
             yield "air_gap.linear", ("is true, which is the pull of design tools in a round gap; "
                                      f"leave out {what} or air_gap.linear.")

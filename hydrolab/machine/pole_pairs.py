@@ -9,7 +9,15 @@ over the true gap g0 (1 − Re(ζ̄ e^{iφ})) is, for any p,
 F_z + i F_x = k g0 [2 |c|² a₁ ζ + c̄² a_{2p+1} ζ^{2p+1} + c² a_{2p−1} ζ̄^{2p−1}],  a_n = (1 + n w) /
 (2 w³ (1 + w)ⁿ).
 
-Only for p = 1 does the beat grow with the first power of the eccentricity; in general it is
+The wave leaves a net flux over in an uneven gap, which must return through shaft and frame. The
+rotor's iron takes the magnetic potential u that lets a share χ of it pass: all of it where the way
+is free (χ = 1: u = 0, the force above), none where it is blocked (χ = 0). The field is then √2 B0
+(Re(c e^{−ipφ}) − u) g0/g with u = (1 − χ) Re(c ζ̄^p)/(1 + w)^p, and with the same integrals
+
+F_z + i F_x += k g0 [4 u² a₁ ζ − 4 u (c a_{p−1} ζ̄^{p−1} + c̄ a_{p+1} ζ^{p+1})].
+
+For one pole pair about the centre a blocked way halves the stiffness and takes the beat away. Only
+for p = 1 does the beat grow with the first power of the eccentricity; in general it is
 O(ε^{2p−1}). Guo, Chu and Chen (2002) expand the permeance to its third order instead, which changes
 the a_n and drops n > 5. Their text could not be read; the truncated forces here follow from the
 same series.
@@ -17,7 +25,7 @@ same series.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,7 +62,8 @@ class PolePairPull(ForceLaw):
     slip) for an induction motor. start: electrical angle at phase 0, rad. backward: size of a wave
     that turns the other way, over the forward one, which phases out of balance make; its sum with
     the forward wave is largest at the electrical angle −backward_angle/2, rad. truncated: take the
-    permeance to its third order (Guo, Chu and Chen 2002), not the whole force.
+    permeance to its third order (Guo, Chu and Chen 2002), not the whole force. flux_share: χ, the
+    share of the net flux that the way through shaft and frame lets pass, 1 free, 0 blocked.
     """
 
     moving = True
@@ -66,6 +75,7 @@ class PolePairPull(ForceLaw):
     backward: float = 0.0
     backward_angle: float = 0.0
     truncated: bool = False
+    flux_share: float = 1.0
 
     def wave(self, phase: Phase) -> NDArray:
         """The complex amplitude c of the field at the phases Ωt, rad."""
@@ -78,25 +88,44 @@ class PolePairPull(ForceLaw):
         """Force, N, and its derivative, N/m; nan where |e| ≥ g0."""
         zeta = (u[1] + 1j * u[0]) / self.gap
         w = np.sqrt(1 - np.abs(zeta) ** 2)
-        conj, c, p = zeta.conj(), self.wave(phase), self.pole_pairs
+        c, p = self.wave(phase), self.pole_pairs
         size = truncated_size if self.truncated else whole_size
-        force, by_zeta, by_conj = (np.zeros(np.broadcast(zeta, c).shape, dtype=complex)
-                                   for _ in range(3))
-        # each part is factor · a_n(w) · ζᵐ or ζ̄ᵐ, and ∂w/∂ζ = −ζ̄/2w
-        parts = ((2 * np.abs(c) ** 2, 1, True), (c.conj() ** 2, 2 * p + 1, True),
-                 (c**2, 2 * p - 1, False))
-        for factor, n, forward in parts:
-            a, slope = size(w, n)
-            z = zeta if forward else conj
-            force += factor * a * z**n
-            own = factor * a * n * z ** (n - 1)
-            through_w = -factor * slope * z**n / (2 * w)
-            by_zeta += through_w * conj + (own if forward else 0)
-            by_conj += through_w * zeta + (0 if forward else own)
+        total = _sum(size, zeta, w, ((2 * np.abs(c) ** 2, 1, True),
+                                     (c.conj() ** 2, 2 * p + 1, True), (c**2, 2 * p - 1, False)))
+        if self.flux_share != 1.0:
+            total += self._held_back(zeta, w, c)
+        force, by_zeta, by_conj = total
         along_z, along_x = by_zeta + by_conj, 1j * (by_zeta - by_conj)
         slope = np.stack([along_x.imag, along_z.imag, along_x.real, along_z.real])
         return (self.stiffness * self.gap * np.stack([force.imag, force.real]),
                 self.stiffness * slope.reshape(2, 2, *slope.shape[1:]), None)
+
+    def _held_back(self, zeta: NDArray, w: NDArray, c: NDArray) -> NDArray:
+        """What the force changes by where the net flux is held back, as `_sum` gives it."""
+        p, conj, held = self.pole_pairs, zeta.conj(), (1 - self.flux_share) / 2 * (1 + w) ** (
+            -self.pole_pairs)
+        wave = c * conj**p + c.conj() * zeta**p
+        u = held * wave
+        u_zeta = held * (c.conj() * p * zeta ** (p - 1) + wave * p * conj / (2 * w * (1 + w)))
+        crossed = _sum(whole_size, zeta, w, ((c, p - 1, False), (c.conj(), p + 1, True)))
+        own = _sum(whole_size, zeta, w, ((np.ones_like(c), 1, True),))
+        through_u = (8 * u * own[0] - 4 * crossed[0]) * np.stack([0 * u, u_zeta, u_zeta.conj()])
+        return 4 * u**2 * own - 4 * u * crossed + through_u
+
+
+def _sum(size: Callable[[NDArray, int], tuple[NDArray, NDArray]], zeta: NDArray, w: NDArray,
+         parts: Sequence[tuple[NDArray, int, bool]]) -> NDArray:
+    """Σ factor · a_n(w) ζⁿ, or ζ̄ⁿ where a part is not forward; its derivatives by ζ and ζ̄."""
+    conj = zeta.conj()
+    total = np.zeros((3, *np.broadcast(zeta, parts[0][0]).shape), dtype=complex)
+    for factor, n, forward in parts:
+        a, slope = size(w, n)
+        z = zeta if forward else conj
+        own = factor * a * n * z ** max(n - 1, 0)
+        through_w = -factor * slope * z**n / (2 * w)  # ∂w/∂ζ = −ζ̄/2w
+        total += np.stack([factor * a * z**n, through_w * conj + (own if forward else 0),
+                           through_w * zeta + (0 if forward else own)])
+    return total
 
 
 @dataclass(frozen=True)
@@ -121,14 +150,20 @@ class Poles(Part):
                                      example=(80, "%"))
     load_angle: float = number_field("rad", "electrical angle of the stator's wave behind the "
                                      "rotor's", default=0.0, example=(60, "deg"))
+    flux_share: float = number_field("1", "share of the net flux that the way back through shaft "
+                                     "and frame lets pass; 1 free, 0 blocked", least=0, most=1,
+                                     default=1.0, example=0.3)
     series: str = choice_field("the whole permeance, or cut at its third order as published",
                                "whole", "published", default="whole")
 
     def disagreements(self) -> Iterator[Fault]:
-        """The stator's wave goes without a cut series."""
+        """The stator's wave goes without a cut series; a flux held back, with the closed form."""
         if self.stator_mmf and self.series != "whole":
             yield "stator_mmf", (f"is {self.stator_mmf:g}, which is taken by quadrature of the "
                                  "whole gap; leave out series.")
+        if self.flux_share != 1.0 and (self.stator_mmf or self.series != "whole"):
+            yield "flux_share", (f"is {self.flux_share:g}, which is known for the whole series "
+                                 "without a stator's wave; leave out series and stator_mmf.")
 
     @property
     def ratio(self) -> float:
@@ -150,4 +185,5 @@ class Poles(Part):
         stiffness: k, N/m. gap: g0, m.
         """
         return PolePairPull(stiffness, gap, self.pole_pairs, self.ratio, self.pole_angle,
-                            self.backward, self.backward_angle, self.series == "published")
+                            self.backward, self.backward_angle, self.series == "published",
+                            self.flux_share)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from hydrolab.errors import BadInput
 from hydrolab.machine.gap_shape import Bulge, gap_law, gap_shapes, selection_rule
 from hydrolab.machine.parts import MU_0, AirGap
 from hydrolab.machine.pole_pairs import (
@@ -362,3 +363,41 @@ def test_scaled_and_gaps(law):
         assert double.force(e) == pytest.approx(2 * law.force(e), rel=1e-14)
     aside = np.array([0.3 * G0, 0.0])
     assert 0 < law.smallest_gap(aside) <= 0.7 * G0 * 1.001
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("pairs", [1, 2, 3])
+def test_a_net_flux_that_is_held_back(pairs, share):
+    """Against the integral over the gap, with the potential at which that share of the flux passes;
+    the slope against differences.
+    """
+    law = PolePairPull(1.0, 1.0, pairs, 1.5 * pairs, 0.3, 0.2, 0.7, flux_share=share)
+    phi = 2 * np.pi * np.arange(2048) / 2048
+    for eps, angle, phase in ((0.4, 0.8, 1.1), (0.2, 4.0, 2.5)):
+        permeance = 1 / (1 - eps * np.cos(phi - angle))
+        wave = np.real(law.wave(phase) * np.exp(-1j * pairs * phi))
+        free = np.mean(wave * permeance)
+        field = (wave - (1 - share) * free / permeance.mean()) * permeance
+        assert field.mean() == pytest.approx(share * free, abs=1e-14)
+        along = 2 * np.mean(field**2 * np.exp(1j * phi))
+        place = eps * np.array([np.sin(angle), np.cos(angle)])
+        force, slope, _ = law.linearise(place, None, phase)
+        assert force == pytest.approx([along.imag, along.real], abs=1e-13)
+        steps = 1e-6 * np.eye(2)
+        differences = [(law.force(place + d, None, phase) - law.force(place - d, None, phase))
+                       / 2e-6 for d in steps]
+        assert slope == pytest.approx(np.transpose(differences), abs=1e-8)
+
+
+def test_a_blocked_flux_halves_the_pull_of_one_pole_pair_and_stops_its_beat():
+    phases = np.linspace(0.0, 6.0, 7)
+    free, blocked = (PolePairPull(K, G0, 1, 1.0, flux_share=share) for share in (1.0, 0.0))
+    slopes = blocked.linearise(np.zeros((2, 7)), None, phases)[1]
+    assert slopes == pytest.approx(np.stack([K / 2 * np.eye(2)] * 7, axis=-1), abs=1e-9 * K)
+    assert np.ptp(free.linearise(np.zeros((2, 7)), None, phases)[1][0, 0]) > 0.8 * K
+
+
+def test_a_share_that_no_closed_form_knows_is_refused():
+    for more in ({"stator_mmf": 0.5}, {"series": "published"}):
+        with pytest.raises(BadInput, match=r"poles\.flux_share is 0\.3.*whole series"):
+            Poles(1, flux_share=0.3, **more)
