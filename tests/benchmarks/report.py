@@ -20,6 +20,7 @@ RATIOS = [  # what costs how many times as much as what, and how many times it s
     ("one point, DOP853 in time, as accurate", "natural point, 12 elements", 1e4),
     ("arclength point, 2 DOFs, pyHarm", "arclength point, 2 DOFs", 10),
 ]
+AS_IT_STANDS = "natural point, 12 elements, table, bracket and seal"
 FLAT = 0.10  # how much more a point may cost with many elements than with few
 FEWEST, MOST = 3, 48
 
@@ -69,6 +70,9 @@ def table(benchmarks):
                          f"{judged(ratio >= least)})")
         else:
             lines.append(f"{slow}: not measured here")
+    if AS_IT_STANDS in times:
+        more = times[AS_IT_STANDS][0] / point - 1
+        lines.append(f"{AS_IT_STANDS}: {more:+.0%} (within {FLAT:.0%}: {judged(more <= FLAT)})")
     kinds = ("natural point", "arclength point", "counted verdict of a point")
     return "\n".join([*lines, *(growth(kind, times) for kind in kinds)])
 

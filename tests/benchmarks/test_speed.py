@@ -46,9 +46,10 @@ from hydrolab import (
 )
 from hydrolab.dynamics.harmonic_balance import condense
 from hydrolab.dynamics.stability import floquet_all
-from hydrolab.machine.bearings import PadBearing
+from hydrolab.machine.bearings import PadBearing, Seal, TableBearing
 from hydrolab.machine.parts import RayleighDamping, Shaft
 from hydrolab.paper.calibration import judge_family, load_family
+from tests.benchmarks.report import AS_IT_STANDS
 from tests.reference.full_balance import dynamic_matrix, solve_full
 
 ROWS = np.arange(0, 0.089, 0.001)
@@ -122,6 +123,20 @@ def test_natural_point(run, make_kaplan, speed, elements):
     branch = run(lambda: sweep(model, HarmonicBalance(), ROWS, speed=speed),
                  f"natural point, {elements} elements",
                  per=len(ROWS), target=120e-6)
+    assert len(branch) == len(ROWS)
+
+
+def test_natural_point_of_a_unit_as_it_stands(run, make_kaplan, speed):
+    """Its guide bearing by a table over the speed and in a bracket, and a seal at the runner."""
+    machine = make_kaplan(12)
+    guide, lower = machine.bearings
+    fours = [[k, 0.0, 0.0, k] for k in (1.6e9, 1.7e9)], [[c, 0.0, 0.0, c] for c in (1e6, 2e6)]
+    table = TableBearing("guide", guide.node, [0.5 * speed, 2.0 * speed], *fours,
+                         bracket_stiffness=2e10, bracket_mass=12e3)
+    seal = Seal("seal", machine.nodes - 1, -8e7, 6e7)
+    model = replace(machine, bearings=(lower,), tables=(table,), seals=(seal,)).model()
+    branch = run(lambda: sweep(model, HarmonicBalance(), ROWS, speed=speed), AS_IT_STANDS,
+                 per=len(ROWS))
     assert len(branch) == len(ROWS)
 
 
