@@ -19,7 +19,7 @@ from hydrolab.figures.readings import reading
 from hydrolab.machine.parts import Machine
 
 RECORDED = Path(__file__).with_name("recorded.json")  # only in a course built for a browser
-PLAYER = "../scenes/player.html"  # as the notebook's page sees it
+PLAYER = "/scenes/player.html"  # in the site
 
 
 @dataclass(frozen=True, repr=False)
@@ -32,10 +32,10 @@ class RecordedView:
 
     def _repr_html_(self) -> str:
         words = html.escape(self.scene["reading"], quote=True)
-        return (f'<iframe src="{PLAYER}#{self.scene["name"]}" title="{words}" style="width: 100%; '
-                f'height: {self.height}px; border: 0"></iframe><div>This is a recording, the '
-                f"nearest there is: {words} Where Python runs on a computer, <code>show</code> "
-                "opens the live machine.</div>")
+        return (f'<iframe src="{_site()}{PLAYER}#{self.scene["name"]}" title="{words}" '
+                f'style="width: 100%; height: {self.height}px; border: 0"></iframe>'
+                f"<div>This is a recording, the nearest there is: {words} Where Python runs on a "
+                "computer, <code>show</code> opens the live machine.</div>")
 
     def __repr__(self) -> str:
         return self.reading
@@ -70,3 +70,11 @@ def nearest(what: PeriodicOrbit | Branch, scenes: list[dict[str, Any]]) -> dict[
     place = np.array([orbit.static_eccentricity, *(orbit.mean / orbit.model.gap)])
     return min(scenes, key=lambda scene: float(np.linalg.norm(
         place - [scene["static_eccentricity"], *scene["mean"]])))
+
+
+def _site() -> str:
+    """Address of the site from which this Python came: a notebook looks for a relative one among
+    its own files.
+    """
+    from js import location
+    return str(location.href).partition("/extensions/")[0]

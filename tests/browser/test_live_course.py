@@ -33,7 +33,12 @@ CHAPTERS = sorted(BOOK.glob("[0-9]*.ipynb"))
 TODAY = datetime.date.today().toordinal()
 # Two chapters a day: each is run every eight days, all by `python -m tests.browser_chapters`.
 DRAWN = [CHAPTERS[(2 * TODAY + i) % len(CHAPTERS)] for i in range(2)]
-SOURCE = re.compile('src="([^"]+)"')
+TYPED = """async source => {
+    const { content } = window.jupyterapp.shell.currentWidget;
+    content.activeCellIndex = content.widgets.findIndex(cell => cell.model.type === 'code');
+    content.activeCell.model.sharedModel.setSource(source);
+    await window.jupyterapp.commands.execute('notebook:run-cell');
+}"""
 SAVED = """async ([path, text]) => {
     const { contents } = window.jupyterapp.serviceManager;
     while (!JSON.stringify((await contents.get(path, { content: true })).content).includes(text))
@@ -104,10 +109,12 @@ def test_a_page_leads_to_its_explorer_which_moves_and_3d_plays(visit):
     keep(page, "live-slider")
 
     # 3D is a recording there, and says so.
-    said = visit.run("from hydrolab.live import show\nprint(show(unit)._repr_html_())")
-    assert "This is a recording" in said
-    page.goto(f"{visit.address}/lab/{SOURCE.search(said)[1]}")
-    page.wait_for_function("window.__viserMutable?.nodeRefFromName?.['/shaft']")
+    shown = "from hydrolab.live import show; show(unit)"
+    page.evaluate(TYPED, shown)
+    scene = visit.show_cell(shown)
+    assert "This is a recording" in scene.inner_text()
+    player = scene.locator("iframe").element_handle().content_frame()
+    player.wait_for_function("window.__viserMutable?.nodeRefFromName?.['/shaft']")
     keep(page, "live-scene")
 
 

@@ -1,6 +1,8 @@
 """`show` where no server can run: the recorded scene that is nearest to what was asked for."""
 
 import json
+import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -25,6 +27,8 @@ def scenes(branch, tmp_path, monkeypatch):
              eccentricity, "mean": (orbits_at(branch, eccentricity)[leg].mean
                                     / branch.equations.model.gap).tolist()}
             for eccentricity, leg in sorted(set().union(*SCENES.values()))]
+    kernel = SimpleNamespace(href="https://school.example/course/extensions/@jupyterlite/a.js")
+    monkeypatch.setitem(sys.modules, "js", SimpleNamespace(location=kernel))
     monkeypatch.setattr(recorded, "RECORDED", tmp_path / "recorded.json")
     (tmp_path / "recorded.json").write_text(json.dumps(rows), encoding="utf-8")
 
@@ -37,7 +41,7 @@ def test_the_nearest_scene_is_shown_and_named(branch, eccentricity, leg, nearest
     view = recorded.show(orbit)
     assert repr(view) == reading(orbit)  # what the chapter's stored output says
     page = view._repr_html_()
-    assert f'src="../scenes/player.html#{nearest}"' in page
+    assert f'src="https://school.example/course/scenes/player.html#{nearest}"' in page
     assert "This is a recording" in page and f"scene {nearest} &lt;" in page
 
 
