@@ -188,6 +188,7 @@ class Gate:
         self.inside: set[int] = set()
         self.behind_proxy = "JUPYTERHUB_SERVICE_PREFIX" in os.environ  # the hub has asked who it is
         self._web = server._websock_server
+        wake_in_its_loop(self._web.get_message_buffer())
         # shared controls, uploads, the public tunnel: nobody hears them
         self._web._incoming_handlers.clear()
         self._web.on_client_connect(self._admit)
@@ -201,6 +202,7 @@ class Gate:
     async def _admit(self, client: WebsockClientConnection) -> None:
         """Let a connection in, or keep it waiting; runs before anything it sends is heard."""
         connection = self._web._live_connections[client.client_id]
+        wake_in_its_loop(client.get_message_buffer())
         connection.protocol.max_message_size = LARGEST_MESSAGE
         client._handle_incoming_message = self._hearer(client, connection,
                                                        client._handle_incoming_message)
@@ -267,6 +269,18 @@ class Gate:
                 await passed(client_id, message)
 
         return hear
+
+
+def wake_in_its_loop(buffer: Any) -> None:
+    """Have the event loop alone wake the clients that wait for a message: viser does so from any
+    thread, and a thread that sends while a client comes or goes then fails.
+    """
+
+    def wake() -> None:
+        with contextlib.suppress(RuntimeError):  # the loop is closed: nobody waits
+            buffer.event_loop.call_soon_threadsafe(asyncio.Event.set, buffer.message_event)
+
+    buffer.message_event.set = wake
 
 
 async def heard_by_nobody(connection: ServerConnection) -> None:

@@ -3,6 +3,7 @@
 
 import math
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -46,6 +47,12 @@ def slider_server():
         server.clients.append(client)
 
     return server
+
+
+KINDS = _messages.Message._subclass_from_type_string()
+CAMERA = {"type": "ViewerCameraMessage", "wxyz": [1.0, 0.0, 0.0, 0.0],
+          "position": [3.0, 3.0, 3.0], "fov": 1.0, "near": 0.1, "far": 100.0, "image_height": 400,
+          "image_width": 640, "look_at": [0.0, 0.0, 0.0], "up_direction": [0.0, 0.0, 1.0]}
 
 
 def works(server, raw):
@@ -244,6 +251,69 @@ RUBBISH = [b"", b"\x00", b"\xc1", b"\x91" * 15000, b"\xde\xff\xff", os.urandom(2
            msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "a"}),
            msgspec.msgpack.encode({"type": "GuiUpdateMessage", "uuid": "a", "updates": {},
                                    "more": 1})]
+
+
+def some_message(rng, ids):
+    """A message of any kind viser knows, with sense and nonsense in it; or rubbish."""
+    odd = [None, True, -1, 0.5, math.nan, 2**63, "A", "", "x" * 500, [1.0, 2.0], {"value": 1}, *ids]
+    kind = rng.randrange(4)
+    if kind == 0:
+        return rng.choice(RUBBISH)
+    if kind == 1:
+        return {"type": "GuiUpdateMessage", "uuid": rng.choice(ids),
+                "updates": {"value": rng.choice(odd)}}
+    if kind == 2:
+        wrong = rng.choice(list(CAMERA)[1:])
+        return CAMERA | {wrong: rng.choice(odd)}
+    names = [*CAMERA, "uuid", "updates", "name", "owner"]
+    return {"type": rng.choice(sorted(KINDS))} | {
+        name: rng.choice(odd) for name in rng.sample(names, 3)}
+
+
+def test_a_thread_may_send_while_clients_come_and_go(slider_server, raw):
+    """viser's waiting clients are woken by its loop alone: a thread that woke them failed when one
+    came or went at that moment.
+    """
+    event = slider_server._websock_server.get_message_buffer().message_event
+    waiting, loop = [], slider_server.get_event_loop()
+
+    class Waiters(list):
+        def __iter__(self):
+            waiting.append(threading.get_ident())
+            return super().__iter__()
+
+    ours, event._waiters = event._waiters, Waiters()
+    node = slider_server.scene.add_frame("/moved")
+    node.position = (1.0, 2.0, 3.0)
+    done = threading.Event()
+    loop.call_soon_threadsafe(done.set)
+    assert done.wait(60)
+    event._waiters = ours
+    assert threading.get_ident() not in waiting
+
+
+def test_a_fuzz_takes_nothing_from_a_good_client(slider_server, raw, capfd, messages=300):
+    """It hears what moves in its order, to the last, while others say anything, and the terminal
+    stays empty.
+    """
+    good, rng, port = raw(slider_server.get_port()), random.Random(5), slider_server.get_port()
+    node = slider_server.scene.add_frame("/moved")
+    ids, bad = list(good.labels().values()) or ["a"], raw(port)
+    for i in range(messages):
+        if i % 10 == 0:
+            node.position = (1.0 + i, 0.0, 0.0)
+            slider_server.flush()
+        if bad.closed or not bad.say(some_message(rng, ids)):
+            bad.close()
+            bad = raw(port)
+    last = 1.0 + messages - 10
+    good.wait(lambda me: any(m.get("name") == "/moved" and m.get("position", (0,))[0] == last
+                             for m in me.heard[-50:]))
+    frames = [m["position"][0] for m in good.heard if m["type"] == "SetPositionMessage"
+              and m["name"] == "/moved"]
+    assert frames == sorted(frames)
+    assert good.closed is None and works(slider_server, raw)
+    assert capfd.readouterr() == ("", "")
 
 
 def test_rubbish_costs_its_sender_the_connection_and_nobody_else(slider_server, raw, capfd):
