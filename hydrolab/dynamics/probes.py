@@ -30,6 +30,7 @@ from hydrolab.machine.quantities import UNITS, micro, number, shown, turning
 
 HIGHEST = 4  # order that is fitted
 SHORTEST = 3  # revolutions from which half orders stand apart from the mean
+FAR = 0.1  # m
 STEADY = 0.02  # of a revolution: how far pulses may lie from a speed that changes evenly
 SQUARE = 0.2  # sine of the angle between two probes below which they look the same way
 CLOCK = {"time": {"s": 1.0, "ms": 1e-3, "µs": 1e-6},
@@ -362,6 +363,10 @@ def _check(record: ProbeRecord) -> None:
     if each <= 4 * HIGHEST:
         raise BadInput(f"{record.name} has {each:.3g} samples a revolution; order {HIGHEST} needs "
                        f"more than {4 * HIGHEST}.")
+    for probe in record.probes:
+        if not (largest := np.abs(probe.samples).max()) < FAR:
+            raise BadInput(f"{record.name}: {probe.name} reads up to {largest:.3g} m; no probe "
+                           f"sees further than {FAR:g} m, so its unit is another.")
     names = [probe.name for probe in record.probes]
     for place in record.places or [""]:
         rows = [probe.row for probe in record.probes if probe.place == place]

@@ -142,6 +142,7 @@ BAD = [
     (text({"time [s]": TIME, "guide 30° [µm]": TIME}), {"speed": SPEED}, ["needs two"]),
     (text({"time [s]": TIME, "guide 30° [µm]": TIME, "guide 211° [µm]": TIME}), {"speed": SPEED},
      ["different sides"]),
+    (text({"time [s]": TIME, **named(1e-3, "m")}), {"speed": SPEED}, ["reads up to", "0.1 m"]),
     (text({"time [s]": TIME[::-1], **named()}), {"speed": SPEED}, ["does not rise"]),
     (text(GOOD).replace("\n", "\nx,", 3), {"speed": SPEED}, ["line 2", "'x'", "finite"]),
     (text({k: v[:200] for k, v in GOOD.items()}), {"speed": SPEED}, ["0.96", "at least 3"]),
