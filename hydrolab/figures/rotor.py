@@ -2,7 +2,7 @@
 
 Seen from the side and from above: x is to the right, the depth y points down, and z points away
 from the reader, which an orthographic view from above turns into up. Displacements are exaggerated,
-by the same factor everywhere.
+by the same factor everywhere. A section is to scale, and lies where the shaft lies.
 
 factor: that factor. path: (2, …), m.
 """
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
 from numpy.typing import ArrayLike, NDArray
 
 from hydrolab.dynamics.harmonics import synthesise
@@ -23,7 +24,7 @@ from hydrolab.figures.drawing import MM, REVOLUTION, UM
 from hydrolab.figures.picture import Picture
 from hydrolab.figures.readings import listed, microns
 from hydrolab.figures.style import COLOURS, house_style, new_figure
-from hydrolab.machine.parts import Machine
+from hydrolab.machine.parts import Machine, RigidBody
 
 ELEVATION = math.radians(38)  # of the eye above the plane of an orbit
 DRAWN_SHARE = 0.25  # the largest displacement is drawn at most this share of the rotor's length
@@ -201,3 +202,139 @@ def draw_z(axes: Axes, x: float, depth: float, factor: float, largest: float) ->
                               "shrinkB": 0, "linewidth": 1.6})
     axes.annotate(f"z: {MM * length:g} mm", (end, high), xytext=(0, 5), ha="center", fontsize=12,
                   textcoords="offset points", color=COLOURS["axis"])
+
+
+# ------------------------------------------------------------------ a section, to scale
+
+STUB = 1.0  # m of shaft drawn above and below a point mass
+LEVELS = 3  # of names above a shaft that lies
+SIGNS = {"load": "▶", "bow": ")", "crack": "✕"}
+
+
+class _Section:
+    """Axes on which things are placed along and away from the rotor's axis, and lie with it."""
+
+    def __init__(self, axes: Axes, lying: bool) -> None:
+        self.axes, self.lying = axes, lying
+
+    def at(self, depths: ArrayLike, away: ArrayLike) -> tuple[ArrayLike, ArrayLike]:
+        return (depths, away) if self.lying else (away, depths)
+
+    def box(self, depths: tuple[float, float], away: tuple[float, float], colour: str,
+            alpha: float = 1.0) -> None:
+        """A rectangle between two depths, on both sides of the axis."""
+        tall, wide = depths[1] - depths[0], away[1] - away[0]
+        for left in (away[0], -away[1]):
+            corner = self.at(depths[0], left)
+            self.axes.add_patch(Rectangle(corner, *self.at(tall, wide), color=COLOURS[colour],
+                                          alpha=alpha, linewidth=0))
+
+
+def cylinder(body: RigidBody) -> tuple[float, float]:
+    """Radius and height, m, of the solid cylinder with the mass and moments of inertia of a body, 0
+    where none is stated: Ip = m r²/2, Id = m (r²/4 + h²/12).
+    """
+    flat = 12 * (body.Id - body.Ip / 2) / body.mass
+    return math.sqrt(2) * body.gyration, math.sqrt(max(flat, 0.0))
+
+
+def _draw_shaft(draw: _Section, machine: Machine) -> tuple[float, float]:
+    """The shaft with its steps, tapers and bore; its ends, m."""
+    shaft = machine.shaft
+    if shaft is None:
+        draw.box((-STUB, STUB), (0.0, 0.02 * STUB), "axis", 0.45)
+        return -STUB, STUB
+    lower = np.where(shaft.lower_diameter, shaft.lower_diameter, shaft.diameter)
+    depths = np.repeat(shaft.nodes, 2)[1:-1]
+    edge = np.column_stack([shaft.diameter, lower]).ravel() / 2
+    bore = np.repeat(shaft.inner_diameter, 2) / 2
+    fill = draw.axes.fill_between if draw.lying else draw.axes.fill_betweenx
+    for side in (-1, 1):
+        fill(depths, side * bore, side * edge, color=COLOURS["axis"], alpha=0.45, linewidth=0)
+    return 0.0, shaft.length
+
+
+def _draw_bodies(draw: _Section, machine: Machine, thick: float) -> list[tuple[float, float, str]]:
+    """Bodies, and the stator around the generator's rotor; depth, outer edge and name of each."""
+    air, parts = machine.air_gap, []
+    for body in machine.bodies:
+        y = body.offset + (float(machine.shaft.nodes[body.node]) if machine.shaft else 0.0)
+        turns = air is not None and air.body == body.name
+        radius, tall = (air.mean_radius - air.gap / 2, air.length) if turns else cylinder(body)
+        radius, tall = radius or 2 * thick, tall or 0.5 * thick
+        draw.box((y - tall / 2, y + tall / 2), (0.0, radius), "rotor", 0.75)
+        if turns:
+            bore = max(air.mean_radius + air.gap / 2, 1.01 * radius)
+            draw.box((y - tall / 2, y + tall / 2), (bore, 1.15 * bore), "stator")
+            radius = 1.15 * bore
+        mass = f"{body.mass / 1e3:.4g} t" if body.mass > 1e3 else f"{body.mass:.4g} kg"
+        parts.append((y, radius, f"{body.name}, {mass}"))
+    return parts
+
+
+def _draw_supports(draw: _Section, machine: Machine,
+                   thick: float) -> list[tuple[float, float, str]]:
+    """Bearings, cracks, loads and bows as signs; depth, outer edge and name of each."""
+    parts = []
+    found = supports(machine) if machine.shaft else [(0.0, b.name, "radial")
+                                                     for b in machine.all_bearings]
+    for y, name, kind in found:
+        half = (machine.shaft.thickness(int(np.argmin(np.abs(machine.shaft.nodes - y)))) / 2
+                if machine.shaft else 0.02 * STUB)
+        if kind in SIGNS:
+            draw.axes.plot(*draw.at([y], [half + thick]), marker=f"${SIGNS[kind]}$", markersize=11,
+                           color=COLOURS["unstable"])
+        elif kind == "across":
+            draw.box((y - 0.3 * thick, y), (0.0, half + 1.4 * thick), "axis", 0.8)
+            draw.box((y, y + 0.4 * thick), (half + 0.2 * thick, half + 1.4 * thick), "bearing")
+        else:
+            draw.box((y - 0.4 * thick, y + 0.4 * thick), (half, half + thick), "bearing")
+        parts.append((y, half + thick, name))
+    return parts
+
+
+def _name_beside(draw: _Section, parts: list[tuple[float, float, str]], ends: tuple[float, float],
+                reach: float) -> None:
+    """Names with lines to what they name, beside a shaft that stands or above one that lies."""
+    parts, places = sorted(parts), np.linspace(*ends, len(parts) + 2)[1:-1]
+    for i, ((depth, edge, name), place) in enumerate(zip(parts, places, strict=True)):
+        far = reach * (1.15 + 0.16 * (LEVELS - 1 - i % LEVELS) if draw.lying else 1.15)
+        draw.axes.plot(*draw.at([depth, place], [edge, far]), color=COLOURS["axis"], linewidth=0.8)
+        text = name.replace("$", r"\$")  # Matplotlib would read $…$ as a formula
+        draw.axes.annotate(f" {text} ", draw.at(place, far), fontsize=12,
+                           ha="center" if draw.lying else "left",
+                           va="bottom" if draw.lying else "center")
+
+
+@house_style()
+def unit_picture(machine: Machine) -> Picture:
+    """A section through any machine, to scale, with its parts named.
+
+    The generator's rotor has the size of its air gap; any other body is the solid cylinder of its
+    mass and moments of inertia. Stators, bearings and marks have no size on a card: a sign.
+    """
+    lying = machine.gravity is not None
+    figure = new_figure(*((12, 5) if lying else (10, 6.5)))
+    draw = _Section(figure.subplots(), lying)
+    low, high = _draw_shaft(draw, machine)
+    thick = 0.03 * (high - low)
+    bodies = _draw_bodies(draw, machine, thick)
+    parts = bodies + _draw_supports(draw, machine, thick)
+    reach = max(edge for _, edge, _ in parts)
+    low, high = min([low, *(y for y, *_ in parts)]), max([high, *(y for y, *_ in parts)])
+    draw.axes.plot(*draw.at([low - thick, high + thick], [0, 0]), "-.", color=COLOURS["axis"],
+                   linewidth=1.2)
+    _name_beside(draw, parts, (low, high), reach)
+    draw.axes.set_aspect("equal")
+    draw.axes.grid(visible=False)
+    if lying:
+        draw.axes.set(xlabel="along the shaft, m", ylabel="z, m")
+    else:
+        draw.axes.invert_yaxis()
+        draw.axes.set(ylabel="depth y, m", xlim=(-1.1 * reach, 1.15 * reach + 0.75 * (high - low)))
+        draw.axes.set_xticks([])
+        draw.axes.spines["bottom"].set_visible(False)
+    whole = (f"a shaft of {machine.shaft.length:.4g} m, up to "
+             f"{1e3 * machine.shaft.diameter.max():.4g} mm thick, " if machine.shaft else "")
+    named = listed(f"{name} at {y:.4g} m" for y, _, name in sorted(parts))
+    return Picture(figure, f"Section through {machine.name}, to scale: {whole}{named}.")

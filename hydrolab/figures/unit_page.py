@@ -1,7 +1,6 @@
 """The report on a unit: one page that asks no other computer for anything and prints cleanly.
 
-a: the assessment. head: names of columns. rows: of a table. words: a text. picture: with its
-reading. kind: a class of the page's style. card: its name or path. out: where it is written.
+a: the assessment. card: its name or path. out: where it is written.
 """
 
 from __future__ import annotations
@@ -25,8 +24,7 @@ from hydrolab.errors import BadInput
 from hydrolab.figures.orbits import branch_picture, orbit_picture
 from hydrolab.figures.orders import record_picture, run_picture
 from hydrolab.figures.picture import Picture
-from hydrolab.figures.rotor import line_picture
-from hydrolab.figures.section import unit_picture
+from hydrolab.figures.rotor import line_picture, unit_picture
 from hydrolab.machine.cards import load_machine
 from hydrolab.paper.assessment import (
     AT_TOLERANCE,
@@ -57,31 +55,34 @@ SILENT = (
     "A load rejection goes by a schedule of the speed, not by the turbine's characteristic.")
 
 
-def line(tag: str, words: str, kind: str = "") -> str:
-    """An element of a tag and a class (kind) with these words, escaped."""
+def _line(tag: str, words: str, kind: str = "") -> str:
+    """An element of a tag and a class with these words, escaped."""
     named = f' class="{kind}"' if kind else ""
     return f"<{tag}{named}>{html.escape(words)}</{tag}>"
 
 
-def table(head: Sequence[str], rows: Iterable[Sequence[str]], kinds: Sequence[str] = ()) -> str:
-    """A table of texts; kinds: classes of its columns."""
-    kinds = kinds or [""] * len(head)
-    body = ["".join(line("td", cell, kind) for cell, kind in zip(row, kinds, strict=True))
-            for row in rows]
-    return (f"<table><thead><tr>{''.join(line('th', name) for name in head)}</tr></thead><tbody>"
-            + "".join(f"<tr>{row}</tr>" for row in body) + "</tbody></table>")
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table of rows of cells; nothing where there are none."""
+    body = "".join(f"<tr>{''.join(row)}</tr>" for row in rows)
+    names = "".join(_line("th", name) for name in head)
+    return f"<table><thead><tr>{names}</tr></thead><tbody>{body}</tbody></table>" if body else ""
 
 
-def answers_table(answers: Iterable[Answer]) -> str:
+def _cells(row: Iterable[str], first: str = "", last: str = "") -> list[str]:
+    """Cells of these texts, with classes of the first and the last."""
+    *most, end = row
+    return [_line("td", cell, first if not i else "") for i, cell in enumerate(most)] + [
+        _line("td", end, last)]
+
+
+def _answers(answers: Iterable[Answer]) -> str:
     """Questions, what was found, the limit and the verdict."""
-    rows = [line("td", one.asked) + line("td", one.found) + line("td", one.limit.words)
-            + line("td", one.verdict, CLASSES[one.kept]) for one in answers]
-    head = "".join(line("th", name) for name in ("asked", "found", "judged by", "verdict"))
-    return (f"<table><thead><tr>{head}</tr></thead><tbody>"
-            + "".join(f"<tr>{row}</tr>" for row in rows) + "</tbody></table>") if rows else ""
+    return _table(("asked", "found", "judged by", "verdict"), [
+        _cells((one.asked, one.found, one.limit.words, one.verdict), last=CLASSES[one.kept])
+        for one in answers])
 
 
-def drawn(picture: Picture, kind: str = "") -> str:
+def _drawn(picture: Picture, kind: str = "") -> str:
     """A picture within the page, with its reading below."""
     data = base64.b64encode(picture.svg()).decode("ascii")
     words = html.escape(picture.reading, quote=True)
@@ -106,7 +107,7 @@ def in_short(a: Assessment) -> Iterator[str]:
     yield from a.troubles
 
 
-def the_unit(a: Assessment) -> str:
+def _the_unit(a: Assessment) -> str:
     """The section through it, and how much of its card is assumed."""
     counts = Counter(entry.source for entry in a.machine.provenance.values())
     said = ", ".join(f"{number} {source}" for source, number in counts.most_common())
@@ -115,23 +116,23 @@ def the_unit(a: Assessment) -> str:
              "No number of this machine has a source.", *guesses,
              "Drawn to scale: the generator's rotor by its air gap, any other body as the solid "
              "cylinder of its mass and inertias, a bearing as a sign."]
-    return drawn(unit_picture(a.machine), "tall") + line("p", " ".join(words))
+    return _drawn(unit_picture(a.machine), "tall") + _line("p", " ".join(words))
 
 
-def criticals(a: Assessment) -> str:
+def _criticals(a: Assessment) -> str:
     """Margins, and the list of critical speeds."""
     top = SHOWN * max(a.speeds.values())
     rows = [(state, rpm_words(s), way, f"{100 * ratio:.1f} %")
             for state, found in a.criticals.items()
             for s, way, ratio in zip(found.speeds, found.direction, found.damping_ratios,
                                      strict=True) if s < top]
-    return (answers_table(critical_answers(a)) + line("h3", f"All up to {rpm_words(top)}")
-            + table(("", "speed", "whirl", "damping ratio"), rows)
-            + line("p", "A backward whirl is met by an unbalance only where bearings differ "
+    return (_answers(critical_answers(a)) + _line("h3", f"All up to {rpm_words(top)}")
+            + _table(("", "speed", "whirl", "damping ratio"), map(_cells, rows))
+            + _line("p", "A backward whirl is met by an unbalance only where bearings differ "
                    "between x and z; one that is backward alone is left out of the margins."))
 
 
-def steady(a: Assessment) -> str:
+def _steady(a: Assessment) -> str:
     """Where the rotor goes, what is left of the gap, and where its steady states end."""
     side = f"gap angle {math.degrees(a.direction):.0f}°, from z towards x"
     words = f"Out of centre: the stator is moved to {side}." if AT_TOLERANCE in a.orbits else ""
@@ -139,63 +140,63 @@ def steady(a: Assessment) -> str:
     if a.branch is not None:
         whole = len(a.rows) == len(a.branch)
         pictures.append(branch_picture(a.branch, a.stability if whole else None))
-    return (answers_table(gap_answers(a)) + (line("p", words) if words else "")
-            + "".join(map(drawn, pictures)))
+    return (_answers(gap_answers(a)) + (_line("p", words) if words else "")
+            + "".join(map(_drawn, pictures)))
 
 
-def bearings(a: Assessment) -> str:
+def _bearings(a: Assessment) -> str:
     """The static line, and what each bearing carries."""
     bent = [orbit for orbit in a.orbits.values() if np.abs(orbit.shaft[:, 0]).max() > STRAIGHT]
     lines = [line_picture(orbit, a.machine) for orbit in bent if a.machine.shaft]
-    return "".join(map(drawn, lines)) + answers_table(bearing_answers(a))
+    return "".join(map(_drawn, lines)) + _answers(bearing_answers(a))
 
 
-def worst(a: Assessment) -> str:
+def _worst(a: Assessment) -> str:
     """The load rejection over time, and its extremes."""
     if a.run is None:
         return ""
-    return answers_table(worst_answers(a)) + drawn(run_picture(a.run), "tall")
+    return _answers(worst_answers(a)) + _drawn(run_picture(a.run), "tall")
 
 
-def recorded(a: Assessment) -> str:
+def _recorded(a: Assessment) -> str:
     """The record beside the steady state of the card at its speed."""
     if a.record is None or a.recorded is None:
         return ""
-    return drawn(record_picture(a.record, a.recorded)) + line("p", (
+    return _drawn(record_picture(a.record, a.recorded)) + _line("p", (
         "The model is the card's, with the stator centred: nothing was fitted to the record. "
         "identify finds the numbers of a card that records tell."))
 
 
-def limits(a: Assessment) -> str:
+def _limits(a: Assessment) -> str:
     """Each limit that was used, where it stands and how sure that is."""
     used: dict[Limit, None] = dict.fromkeys(one.limit for one in a.answers())
-    return table(("limit", "source", "how sure"), [(one.words, one.source, one.sure)
+    return _table(("limit", "source", "how sure"), [_cells((one.words, one.source, one.sure))
                                                     for one in used])
 
 
-def sections(a: Assessment) -> Iterator[tuple[str, str]]:
+def _sections(a: Assessment) -> Iterator[tuple[str, str]]:
     """Titles and contents, without those that have none."""
-    yield "In short", f"<ul>{''.join(line('li', words) for words in in_short(a))}</ul>"
-    yield "The unit", the_unit(a)
-    yield "Critical speeds", criticals(a)
-    yield "Steady states at the rated speed", steady(a)
-    yield "Bearings", bearings(a)
-    yield "The worst minute: a load rejection", worst(a)
-    yield "Beside the record", recorded(a)
-    yield "Balance", answers_table(balance_answers(a))
-    yield "The limits, and where they stand", limits(a)
-    yield "Every number, and where it comes from", table(
-        ("number", "value", "source", "note"), a.machine.rows(), ("key", "", "", ""))
-    yield "What this report does not say", f"<ul>{''.join(line('li', s) for s in SILENT)}</ul>"
+    yield "In short", f"<ul>{''.join(_line('li', words) for words in in_short(a))}</ul>"
+    yield "The unit", _the_unit(a)
+    yield "Critical speeds", _criticals(a)
+    yield "Steady states at the rated speed", _steady(a)
+    yield "Bearings", _bearings(a)
+    yield "The worst minute: a load rejection", _worst(a)
+    yield "Beside the record", _recorded(a)
+    yield "Balance", _answers(balance_answers(a))
+    yield "The limits, and where they stand", _limits(a)
+    yield "Every number, and where it comes from", _table(
+        ("number", "value", "source", "note"), [_cells(row, "key") for row in a.machine.rows()])
+    yield "What this report does not say", f"<ul>{''.join(_line('li', s) for s in SILENT)}</ul>"
 
 
 def unit_page(a: Assessment) -> str:
     """The report as HTML."""
     machine = a.machine
-    body = [line("h1", machine.title or machine.name),
-            line("p", f"{machine.name} · {rpm_words(a.rated)} · report by hydrolab {__version__}",
-                 "under"), line("p", machine.about) if machine.about else ""]
-    body += [line("h2", title) + content for title, content in sections(a) if content]
+    body = [_line("h1", machine.title or machine.name),
+            _line("p", f"{machine.name} · {rpm_words(a.rated)} · report by hydrolab {__version__}",
+                 "under"), _line("p", machine.about) if machine.about else ""]
+    body += [_line("h2", title) + content for title, content in _sections(a) if content]
     template = (files("hydrolab.figures") / "unit_page.html").read_text(encoding="utf-8")
     return template.replace("%TITLE%", html.escape(f"Report on {machine.name}")).replace(
         "%BODY%", "\n".join(body))
@@ -203,7 +204,7 @@ def unit_page(a: Assessment) -> str:
 
 # ------------------------------------------------------------------ the commands
 
-def assessed(console: Console, card: str, **more: Any) -> Assessment:
+def _assessed(console: Console, card: str, **more: Any) -> Assessment:
     """The assessment of a card, with progress on a console; more: as of `assess`."""
     machine = load_machine(card)
     with progress_bars(console) as tell:
@@ -221,7 +222,7 @@ def report_command(card: str, *, out: Path, record: Path | None = None, **speeds
         raise BadInput(f"--out is {out}; the report is a page, so its name ends in .html.")
     prepare(out.parent)
     seen = None if record is None else read_record(record)
-    a = assessed(console, card, worst=True, record=seen, **speeds)
+    a = _assessed(console, card, worst=True, record=seen, **speeds)
     out.write_text(unit_page(a), encoding="utf-8", newline="\n")
     for words in in_short(a):
         console.print(f"• {words}")
@@ -245,7 +246,7 @@ def study_unit(card: str, *, out: Path, draw: bool) -> int:
     """
     console = Console(markup=False, highlight=False)
     prepare(out)
-    a = assessed(console, card, worst=draw)
+    a = _assessed(console, card, worst=draw)
     write(out / "report.json", unit_record(a))
     if draw:
         (out / "report.html").write_text(unit_page(a), encoding="utf-8", newline="\n")

@@ -156,8 +156,8 @@ def assess(machine: Machine, *, overspeed: float | None = None, runaway: float |
     found = Assessment(machine, machine.model(), speeds,
                        tuple(name for name, value in given.items() if value is None))
     found.record = record
-    steps = [find_orbits, find_criticals, find_branch, find_field]
-    steps += [find_run] * worst + [find_recorded] * (record is not None)
+    steps = [_find_orbits, _find_criticals, _find_branch, _find_field]
+    steps += [_find_run] * worst + [_find_recorded] * (record is not None)
     with threadpool_limits(1):
         for i, step in enumerate(steps):
             if progress:
@@ -169,7 +169,7 @@ def assess(machine: Machine, *, overspeed: float | None = None, runaway: float |
     return found
 
 
-def find_orbits(a: Assessment) -> None:
+def _find_orbits(a: Assessment) -> None:
     """Steady states at the rated speed."""
     balance = HarmonicBalance(HARMONICS)
     a.orbits[CENTRED] = centred = balance.solve(a.model, a.rated)
@@ -186,7 +186,7 @@ def find_orbits(a: Assessment) -> None:
         a.troubles.append(f"With the {AT_TOLERANCE} there is no steady state: {error}")
 
 
-def find_criticals(a: Assessment) -> None:
+def _find_criticals(a: Assessment) -> None:
     """Critical speeds with the field on and off."""
     marks = {name.split()[0]: speed for name, speed in a.speeds.items()}
     off = a.model.with_field(0)
@@ -196,7 +196,7 @@ def find_criticals(a: Assessment) -> None:
         a.criticals["field on"] = critical_speeds(a.model, pull=a.orbits[CENTRED], **marks)
 
 
-def find_branch(a: Assessment) -> None:
+def _find_branch(a: Assessment) -> None:
     """Steady states along the static eccentricity."""
     if CENTRED in a.orbits and math.isfinite(a.model.gap):
         method = Arclength(HarmonicBalance(HARMONICS), max_folds=1, tail=20)
@@ -208,7 +208,7 @@ def find_branch(a: Assessment) -> None:
         a.stability = tuple(floquet_all([a.branch[k] for k in a.rows]))
 
 
-def find_field(a: Assessment) -> None:
+def _find_field(a: Assessment) -> None:
     """Steady states along the field, with the stator at its tolerance."""
     if AT_TOLERANCE in a.orbits:
         method = Arclength(HarmonicBalance(HARMONICS), max_folds=1, tail=0)
@@ -216,7 +216,7 @@ def find_field(a: Assessment) -> None:
                             start=a.orbits[AT_TOLERANCE], method=method)
 
 
-def find_run(a: Assessment) -> None:
+def _find_run(a: Assessment) -> None:
     """The load rejection."""
     if not a.machine.air_gap or AT_TOLERANCE in a.orbits:
         rejection = load_rejection(a.rated, to=a.speeds["overspeed"] / a.rated, seconds=WORST)
@@ -224,7 +224,7 @@ def find_run(a: Assessment) -> None:
                     static_eccentricity=CONCENTRIC if a.machine.air_gap else 0.0)
 
 
-def find_recorded(a: Assessment) -> None:
+def _find_recorded(a: Assessment) -> None:
     """The steady state at the speed and field of the record."""
     assert a.record is not None
     model = a.model.with_field(a.record.field) if a.machine.air_gap else a.model
@@ -239,7 +239,7 @@ def rpm_words(speed: float) -> str:
     return f"{speed * 30 / math.pi:.4g} rpm"
 
 
-def newtons(force: float) -> str:
+def _newtons(force: float) -> str:
     """A force, N, in kN to the newton."""
     return f"{1e-3 * round(force):.4g} kN"
 
@@ -272,12 +272,12 @@ def gap_answers(a: Assessment) -> Iterator[Answer]:
     for words, orbit in a.orbits.items():
         yield Answer(f"Smallest air gap, {words}", f"{1e3 * orbit.smallest_gap:.2f} mm, "
                      f"{100 * orbit.smallest_gap / air.gap:.1f} % of the nominal "
-                     f"{1e3 * air.gap:.4g} mm; {verdict(a, words)}", TOUCH, orbit.smallest_gap > 0)
+                     f"{1e3 * air.gap:.4g} mm; {_verdict(a, words)}", TOUCH, orbit.smallest_gap > 0)
     if a.branch is not None:
         lost = first_loss(a)
         yield Answer("Static eccentricity at which the steady state is lost",
                      f"{100 * lost:.2f} % of the gap, {lost / CONCENTRIC:.2g} times the tolerance "
-                     f"({how_lost(a)})", TOLERANCE, lost > CONCENTRIC)
+                     f"({_how_lost(a)})", TOLERANCE, lost > CONCENTRIC)
     elif AT_TOLERANCE not in a.orbits and CENTRED in a.orbits:
         yield Answer("Static eccentricity at which the steady state is lost",
                      "below the tolerance: none was found there", TOLERANCE, False)
@@ -303,7 +303,7 @@ def first_loss(a: Assessment) -> float:
                 if row < leg.stop and point.verdict == "unstable"] + [end])
 
 
-def how_lost(a: Assessment) -> str:
+def _how_lost(a: Assessment) -> str:
     """Why the first leg ends where it does."""
     assert a.branch is not None
     if a.branch.folds and first_loss(a) == a.branch.folds[0].value:
@@ -311,16 +311,14 @@ def how_lost(a: Assessment) -> str:
     return "it becomes unstable" if a.branch.folds else a.branch.stopped.rstrip(".").lower()
 
 
-def verdict(a: Assessment, words: str) -> str:
+def _verdict(a: Assessment, words: str) -> str:
     """Whether the steady state of these words is stable."""
     said = a.verdicts[words].verdict
     return "its stability is not known" if said == "unknown" else said
 
 
-def journal(orbit: PeriodicOrbit, name: str) -> np.ndarray:
-    """Places (x, z) of the shaft in the bearing of a name about its centre over a period, m,
-    (2, 360).
-    """
+def _journal(orbit: PeriodicOrbit, name: str) -> np.ndarray:
+    """(x, z) of the shaft in a bearing about its centre over a period, m, (2, 360)."""
     support = orbit.model.supports[name]
     return synthesise(support.rows @ orbit.shaft, PERIOD) - support.offset[:, None]
 
@@ -334,10 +332,10 @@ def bearing_answers(a: Assessment) -> Iterator[Answer]:
         for bearing in guides:
             if bearing.name not in orbit.bearing_forces:
                 continue
-            force, path = orbit.bearing_forces[bearing.name], journal(orbit, bearing.name)
+            force, path = orbit.bearing_forces[bearing.name], _journal(orbit, bearing.name)
             yield Answer(f"Force on {bearing.name}, {words}",
-                         f"static {newtons(float(np.hypot(*force.static)))}, 1X "
-                         f"{newtons(force.first)}, largest {newtons(force.peak)}", LOAD)
+                         f"static {_newtons(float(np.hypot(*force.static)))}, 1X "
+                         f"{_newtons(force.first)}, largest {_newtons(force.peak)}", LOAD)
             yield Answer(f"Vibration of the shaft in {bearing.name}, {words}",
                          f"{1e6 * np.ptp(path, axis=1).max():.3g} µm peak to peak", ZONES)
             clearance = getattr(bearing, "clearance", 0.0)
@@ -363,7 +361,7 @@ def worst_answers(a: Assessment) -> Iterator[Answer]:
                      f"{gap.time:.3g} s, {rpm_words(gap.speed)}", TOUCH, gap.value > 0)
     if a.run.bearing_forces:
         force = a.run.largest_bearing_force
-        yield Answer("Largest bearing force in the load rejection", f"{newtons(force.value)} on "
+        yield Answer("Largest bearing force in the load rejection", f"{_newtons(force.value)} on "
                      f"{force.name} at {force.time:.3g} s, {rpm_words(force.speed)}", LOAD)
 
 

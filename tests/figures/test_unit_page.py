@@ -10,7 +10,7 @@ import pytest
 
 from hydrolab import HarmonicBalance, card_names, card_text, load_machine
 from hydrolab.cli import main
-from hydrolab.figures.section import cylinder, unit_picture
+from hydrolab.figures.rotor import cylinder, unit_picture
 from hydrolab.machine.parts import RigidBody
 
 VOID = {"meta", "img", "br"}
