@@ -111,6 +111,19 @@ def without_announcements(handler: Any, page: dict[str, Any]) -> dict[str, Any]:
     return page | {"disabledExtensions": [*page.get("disabledExtensions", ()), ANNOUNCEMENTS]}
 
 
+def _without_views(model: dict[str, Any], **more: Any) -> None:
+    """Before a notebook is saved: an output that has a picture keeps it alone. JupyterLab prefers
+    a widget's view, and a reopened notebook has no kernel that knows the widget.
+    """
+    if model.get("type") != "notebook" or not model.get("content"):
+        return
+    for cell in model["content"]["cells"]:
+        for output in cell.get("outputs", ()):
+            if "text/html" in output.get("data", ()):
+                output["data"].pop("application/vnd.jupyter.widget-view+json", None)
+    model["content"]["metadata"].pop("widgets", None)
+
+
 def lab(options: argparse.Namespace) -> int:
     """Copy the course into a working folder, where files already there stay, and open it in
     JupyterLab.
@@ -145,6 +158,7 @@ def lab(options: argparse.Namespace) -> int:
             argv=lab_arguments(folder, ip=options.ip, port=options.port,
                                browser=not options.no_browser))
         server.web_app.settings["page_config_hook"] = without_announcements
+        server.contents_manager.register_pre_save_hook(_without_views)
         if not server.identity_provider.token_generated:  # else JupyterLab says it, with the token
             print(f"JupyterLab is at {server.display_url}", flush=True)
         server.start()

@@ -269,3 +269,17 @@ def test_a_closed_pipe_is_no_traceback(tmp_path):
     assert process.stderr.read() == ""
     process.stderr.close()
     assert process.wait(60) == 141
+
+
+def test_a_saved_notebook_keeps_pictures_and_no_dead_widgets():
+    """The hook that JupyterLab calls before each save."""
+    view = "application/vnd.jupyter.widget-view+json"
+    content = {"metadata": {"widgets": {}, "mine": 1}, "cells": [
+        {"outputs": [{"data": {"text/html": "picture", view: {}}}, {"data": {view: {}}},
+                     {"output_type": "stream", "text": "words"}]}, {}]}
+    cli._without_views({"type": "notebook", "content": content}, path="a.ipynb")
+    assert content["cells"][0]["outputs"] == [
+        {"data": {"text/html": "picture"}}, {"data": {view: {}}},
+        {"output_type": "stream", "text": "words"}]
+    assert content["metadata"] == {"mine": 1}
+    cli._without_views({"type": "directory", "content": None})
