@@ -283,6 +283,7 @@ def test_a_thread_may_send_while_clients_come_and_go(slider_server, raw):
             return super().__iter__()
 
     ours, event._waiters = event._waiters, Waiters()
+    event.clear()
     node = slider_server.scene.add_frame("/moved")
     node.position = (1.0, 2.0, 3.0)
     done = threading.Event()
