@@ -25,7 +25,7 @@ from hydrolab.machine.cards import load_machine
 from hydrolab.machine.parts import Machine
 
 FRAMES = 30  # a second
-TURNS = 6  # whole turns, so that the end meets the beginning and the loop shows no jump
+TURNS = 3  # whole turns, so that the end meets the beginning and the loop shows no jump
 # Where a recording begins again, viser's player lights its own lights until the first messages put
 # them out. Those wait for a frame, unless the page is hidden: then the lights are never lit.
 STEADY = "<script>Object.defineProperty(document, 'hidden', {get: () => true})</script></head>"

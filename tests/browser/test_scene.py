@@ -133,7 +133,7 @@ def test_a_recording_keeps_its_light_when_it_begins_again(browser, scene, tmp_pa
     """viser's player lights lights of its own between two loops: never more lights than the
     scene's five (one sun in three parts), and what stands still keeps its colours.
     """
-    scene.change(static_eccentricity=0.088, leg=2, slow_motion=3.0)
+    scene.change(static_eccentricity=0.088, leg=2, slow_motion=1.5)
     path = record_scene(scene, tmp_path / "machine.html", turns=2)
     context = browser.new_context(viewport={"width": 320, "height": 240}, offline=True)
     page, _, mistakes = open_page(context, path.as_uri())
@@ -142,11 +142,11 @@ def test_a_recording_keeps_its_light_when_it_begins_again(browser, scene, tmp_pa
     page.evaluate(WATCH)
     page.wait_for_function("watched.lights > 0")
     first, painted = colours(page)
-    page.wait_for_function("watched.loops >= 3")
-    third, still_painted = colours(page)
+    page.wait_for_function("watched.loops >= 9")
+    tenth, still_painted = colours(page)
     assert page.evaluate("watched.lights") == 5
     both = painted & still_painted
     assert both.sum() > 500
-    assert np.median(np.abs(third[both] - first[both])) <= 2
+    assert np.median(np.abs(tenth[both] - first[both])) <= 2
     context.close()
     assert not mistakes
