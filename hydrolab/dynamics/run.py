@@ -25,7 +25,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from itertools import pairwise
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -55,8 +55,6 @@ DECAY = 2.0  # s; in which a field that is switched off dies away
 RPM = math.pi / 30
 EVEN = 2 * np.pi * np.arange(64) / 64  # angles in a revolution at which a motion is looked at
 
-
-# ------------------------------------------------------------------ what it is made to do
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
@@ -202,25 +200,23 @@ def _joined(times: NDArray, speeds: NDArray, off: list[float], story: str) -> Sc
     return Schedule(every, np.interp(every, times, speeds), fields, story)
 
 
-# ------------------------------------------------------------------ how it moves
-
 @dataclass(frozen=True)
 class Moving(Task):
-    """What is moved: `Task` with the speed and the field of a schedule in place of its own."""
+    """A `Task` with the speed and the field of a schedule."""
 
-    schedule: Schedule | None = None
+    schedule: Any = None
 
     def phase(self, time: Any) -> Any:
         """Angle of the rotor, rad."""
-        return cast(Schedule, self.schedule).angle(time)
+        return self.schedule.angle(time)
 
     def pace(self, time: Any) -> Any:
         """Speed, rad/s."""
-        return cast(Schedule, self.schedule).speed(time)
+        return self.schedule.speed(time)
 
     def field(self, time: float) -> float:
         """Factor on the flux density."""
-        return float(cast(Schedule, self.schedule).field(time))
+        return float(self.schedule.field(time))
 
 
 class Step(NamedTuple):
@@ -237,7 +233,7 @@ class Step(NamedTuple):
     new: NDArray
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=256)
 def step_at(model: Model, speed: float, h: float) -> Step:
     """The step of length h, s, of a model at a speed: one exponential of the machine together with
     what makes its loads (C. F. Van Loan, 1978).
@@ -273,7 +269,7 @@ def pieces(task: Moving, ends: NDArray, x: NDArray) -> Iterator[tuple[NDArray, N
 
     ends: of the pieces, s.
     """
-    m, plan, r = task.model, cast(Schedule, task.schedule), task.model.size
+    m, plan, r = task.model, task.schedule, task.model.size
     watch = m.selection
     force = task.force(ends[0], watch @ x[:r], watch @ x[r:])
     for begin, end in pairwise(ends):
@@ -281,7 +277,9 @@ def pieces(task: Moving, ends: NDArray, x: NDArray) -> Iterator[tuple[NDArray, N
         h, middle = (end - begin) / PIECE, (times[1:] + times[:-1]) / 2
         speed = float(plan.speed((begin + end) / 2))
         step = step_at(m, round(speed, 9), float(f"{h:.9e}"))
-        pull = _solver(task, watch @ step.new[:r], watch @ step.new[r:])
+        give, follow = watch @ step.new[:r], watch @ step.new[r:]
+        pull = (implicit_pull(task, give) if m.law.closed_form
+                else implicit_forces(task, give, follow))
         # the loads turn with the speed of the piece through where they are in the middle of a step
         w = plan.speed(middle)
         y = (np.stack([w**2 - 1j * plan.acceleration(middle), np.ones(PIECE), 1j * w])
@@ -296,17 +294,11 @@ def pieces(task: Moving, ends: NDArray, x: NDArray) -> Iterator[tuple[NDArray, N
         yield times[1:], states.T
 
 
-def _solver(task: Task, compliance: NDArray, mobility: NDArray) -> Callable[..., NDArray]:
-    if task.model.law.closed_form:
-        return implicit_pull(task, compliance)
-    return implicit_forces(task, compliance, mobility)
-
-
 def _at_first(task: Moving, eccentricity: float, direction: float) -> NDArray:
     """The state [q, q̇] in which a run begins: the steady state at its first speed and field, or
     the place where it rests.
     """
-    time = float(cast(Schedule, task.schedule).times[0])
+    time = float(task.schedule.times[0])
     speed, m = float(task.pace(time)), task.model.at(task.pace(time))
     if speed:
         m = m.with_field(task.field(time))
@@ -324,8 +316,6 @@ def _at_first(task: Moving, eccentricity: float, direction: float) -> NDArray:
     q = flexible @ np.append(force, 1.0)
     return np.concatenate([q, 0 * q])
 
-
-# ------------------------------------------------------------------ what comes out
 
 class Extreme(NamedTuple):
     """The largest or smallest of something: its value, when, s, at which speed, rad/s, and of what.
@@ -374,8 +364,9 @@ class Run:
     model: on the basis it was moved in. centre: of the stator, m. times: (T,). states:
     displacement and velocity of its DOFs, (2, r, T). stopped: why it ends, in words. interrupted:
     whether by Ctrl-C. step_error: how far the path moves with twice the step, m, some three times
-    its own error; nan where that was not tried. basis_error: largest relative error of the basis'
-    answer to a force at the generator, 0X to 4X, at a quarter to all of the highest speed.
+    its own error, but in the last revolution before a contact; nan where that was not tried.
+    basis_error: largest relative error of the basis' answer to a force at the generator, 0X to 4X,
+    at a quarter to all of the highest speed.
     """
 
     model: Model
@@ -390,12 +381,12 @@ class Run:
     step_error: float
     basis_error: float
 
-    @property
+    @cached_property
     def angles(self) -> NDArray:
         """Angle of the rotor, rad, (T,)."""
         return self.schedule.angle(self.times)
 
-    @property
+    @cached_property
     def speeds(self) -> NDArray:
         """Speed, rad/s, (T,)."""
         return self.schedule.speed(self.times)
@@ -463,12 +454,18 @@ class Run:
 
     @cached_property
     def revolutions(self) -> tuple[NDArray, NDArray]:
-        """The middle of each whole revolution, s, (n,), and the largest distance of the generator's
-        centre from its mean in it, m, (n,).
+        """The middle of each whole revolution, s, (n,), and the largest distance in it of the
+        generator's centre from its mean, m, (n,): that of four revolutions, with Hann's window,
+        which a motion that grows or beats does not move.
         """
         starts = 2 * math.pi * np.arange(int(self.angles[-1] / (2 * math.pi)))
-        path = self.turned(starts[:, None] + EVEN)
-        away = np.hypot(*(path - path.mean(axis=2, keepdims=True))).max(axis=1, initial=0.0)
+        wide = min(4, len(starts))
+        around = np.clip(starts - math.pi * (wide - 1), 0, self.angles[-1] - 2 * math.pi * wide)
+        n = wide * len(EVEN)
+        window = np.hanning(n + 1)[:n] if wide > 1 else np.ones(n)
+        mean = self.turned(around[:, None] + EVEN[1] * np.arange(n)) @ window
+        away = np.hypot(*(self.turned(starts[:, None] + EVEN)
+                          - mean[:, :, None] / window.sum())).max(axis=1, initial=0.0)
         return np.interp(starts + math.pi, self.angles, self.times), away
 
     def steady(self, times: ArrayLike) -> NDArray:
@@ -584,9 +581,9 @@ def run(model: Model, schedule: Schedule, *, static_eccentricity: float = 0.0,
                     for w in fastest * np.array([0.25, 0.5, 1])) if modes else 0.0)
     if check and not interrupted:
         rough, coarse, *_ = _moved(task, ends[::2], first, tell)
-        both = rough <= times[-1]
+        both = schedule.angle(rough) <= found.angles[-1] - 2 * math.pi * bool(stopped)
         away = small.selection[:2] @ coarse[:small.size, both] - found.path()(rough[both])
-        return replace(found, step_error=float(np.hypot(*away).max()))
+        return replace(found, step_error=float(np.hypot(*away).max(initial=0.0)))
     return found
 
 
