@@ -35,6 +35,7 @@ EXPLAINED = {
     8: ["calibrate", "first_fold", "load_family", "sensitivity"],
     9: ["run_study", "judge"],
     10: ["basins", "sweep_in_time", "poincare"],
+    13: ["run", "start_up", "load_rejection", "runaway", "speed_margins"],
 }
 # All that a chapter imports of hydrolab; how a package is divided is no business of a reader's.
 PATHS = {"hydrolab", "hydrolab.machine", "hydrolab.dynamics", "hydrolab.paper", "hydrolab.figures",
