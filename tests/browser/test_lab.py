@@ -36,3 +36,12 @@ def test_the_first_chapter_runs_in_jupyterlab(visit):
     assert not visit.mistakes, visit.mistakes
     assert not questions, f"a pop-up in front of the course: {questions}"
     assert len(screenshot) > 10_000
+
+    page.evaluate("window.jupyterapp.commands.execute('docmanager:save')")  # saved, then reopened
+    page.set_viewport_size({"width": 1280, "height": 720})
+    page.reload()
+    page.wait_for_selector(".jp-NotebookPanel .jp-Cell", state="attached")
+    visit.show_cell("eccentricity_explorer(unit").locator("img").first.wait_for()
+    assert page.get_by_text("Error displaying widget").count() == 0
+    assert page.get_by_text("model not found").count() == 0
+    page.screenshot(path=os.environ.get("HYDROLAB_REOPENED"))
