@@ -201,11 +201,12 @@ class BranchStability:
 
     points: one `Floquet` for each row of the branch. crossings: flips and Neimark–Sacker points
     located on the branch (folds are the branch's own), the latter with the multiplier's angle from
-    the positive real axis in `kind`.
+    the positive real axis in `kind`. lost: between which values there is another, in words.
     """
 
     points: tuple[Floquet, ...]
     crossings: tuple[SpecialPoint, ...]
+    lost: tuple[str, ...] = ()
 
     @property
     def verdicts(self) -> tuple[str, ...]:
@@ -225,7 +226,7 @@ class BranchStability:
     def __str__(self) -> str:
         counts = ", ".join(f"{self.verdicts.count(v)} {v}"
                            for v in ("stable", "unstable", "unknown"))
-        where = "; ".join(str(c) for c in self.crossings) or "none"
+        where = "; ".join([*map(str, self.crossings), *self.lost]) or "none"
         quick = " at a quick look" if any(p.how == "quick" for p in self.points) else ""
         return (f"{counts} of {len(self.points)} points{quick}; stability changes away from folds: "
                 f"{where}")
@@ -245,12 +246,16 @@ def branch_stability(branch: Branch, modes: int = MODES, steps: int = STEPS, *,
         return BranchStability(tuple(points), ())
     # at a fold one multiplier crosses 1, and at a flip in which a branch begins or ends one is 1
     known = {min(p.after, len(branch) - 2) for p in branch.special_points}
-    crossings = []
+    crossings, lost = [], []
     for i, (a, b) in enumerate(pairwise(points)):
         few, many = sorted((a.outside, b.outside))
         if "unknown" not in (a.verdict, b.verdict) and many - few > (i in known):
-            crossings += _locate(branch, i, range(few, many), modes)
-    return BranchStability(tuple(points), tuple(crossings))
+            try:
+                crossings += _locate(branch, i, range(few, many), modes)
+            except NoConvergence:
+                first, last = (branch.path.say(branch.values[j]) for j in (i, i + 1))
+                lost.append(f"not located, between {first} and {last}")
+    return BranchStability(tuple(points), tuple(crossings), tuple(lost))
 
 
 def _locate(branch: Branch, i: int, places: range, modes: int) -> list[SpecialPoint]:
@@ -265,8 +270,8 @@ def _locate(branch: Branch, i: int, places: range, modes: int) -> list[SpecialPo
         """A point of the branch between the two, and its multipliers."""
         step = correct(system, first + s * along, along)
         if step is None:
-            raise NoConvergence(f"The branch was lost between its points {i} and {i + 1}; use a "
-                                "smaller `max_step`.")
+            raise NoConvergence(f"The branch was lost after its point {i}; use a smaller "
+                                "`max_step`.")
         orbit = branch.orbit(step.parameter * scale, step.y, step.residual)
         return np.append(step.y, step.parameter), leading(orbit, modes)
 

@@ -19,7 +19,7 @@ from hydrolab import (
     reduce,
     stable_orbits_at,
 )
-from hydrolab.dynamics import stability
+from hydrolab.dynamics import branches, stability
 from hydrolab.dynamics.branches import BranchStability
 from hydrolab.dynamics.ensemble import split
 from hydrolab.dynamics.following import Arclength
@@ -346,6 +346,16 @@ def test_coarse_orbits_are_never_wrongly_stable(shipped, speed):
         assert (found.verdict == "stable") == (truth < 1)
         assert found.largest == pytest.approx(truth, rel=2e-3)
     assert wrong_alone >= 2  # a few modes and steps alone would have been wrong
+
+
+def test_a_crossing_that_is_not_found_is_said(branch, monkeypatch):
+    def lost(*_):
+        raise NoConvergence("lost")
+
+    monkeypatch.setattr(branches, "_locate", lost)
+    found = branch_stability(branch)
+    assert not found.crossings
+    assert "not located, between 7.7" in str(found)
 
 
 def test_an_orbit_that_is_lost_with_more_harmonics_is_unknown(shipped, speed, monkeypatch):
