@@ -137,6 +137,7 @@ def split(model: Model, speed: float, modes: int = 12, *, checked: bool = False)
 
 
 STIFF = 0.1  # largest stiffness of a kick times the square of the step, over the mass moved
+WILD = 100  # times as much left over as before: a Newton step that went astray
 ROUGH = 1e-3  # of the gap: most that a period on an orbit may change with twice the steps
 
 
@@ -179,11 +180,12 @@ def turn(system: Split, states: NDArray, course: Course, first: float, steps: in
     """One revolution of many motions, from phase 0 at the time `first` (in revolutions).
 
     states: [q, q̇], (2r, m). members: their numbers in the course, (m,). seen: takes q in the middle
-    of each step, (r, m), where the forces are kicks. Returns the states at the end, and the time at
-    which each touched, nan where it did not; the state of one that touched means nothing.
+    of each step, (r, m), or at its end where forces are solved for. Returns the states at the end,
+    and the time at which each touched, nan where it did not; the state of one that touched means
+    nothing.
     """
     if system.implicit:
-        return _turn_implicitly(system, states, course, first, steps, members)
+        return _turn_implicitly(system, states, course, first, steps, members, seen)
     flow, half = flows(system, steps)
     h = 2 * math.pi / system.speed / steps
     phases = 2 * math.pi * (np.arange(steps) + 0.5) / steps
@@ -201,7 +203,7 @@ def turn(system: Split, states: NDArray, course: Course, first: float, steps: in
         if seen is not None:
             seen.append((now + system.response(phase, base))[:system.model.size])
         place = system.watch @ now + linear(n)
-        moved = place if here is base else _shifted(place, base.centre - here.centre)
+        moved = place if here is base else shifted(place, base.centre - here.centre)
         touching = ~(law.smallest_gap(moved, phase) > 0)
         if touching.any():
             contact[touching & np.isnan(contact)] = time
@@ -225,7 +227,8 @@ def _linear_path(system: Split, base: Setting, rows: NDArray,
 
 
 def _turn_implicitly(system: Split, states: NDArray, course: Course, first: float, steps: int,
-                     members: NDArray) -> tuple[NDArray, NDArray]:
+                     members: NDArray,
+                     seen: list[NDArray] | None) -> tuple[NDArray, NDArray]:
     """As `turn`, by the trapezoidal rule: x' = flow x + push (f + f'), solved for the new f'."""
     h, one = 2 * math.pi / system.speed / steps, np.eye(len(system.constant))
     back = np.linalg.inv(one - h / 2 * system.constant)
@@ -238,6 +241,7 @@ def _turn_implicitly(system: Split, states: NDArray, course: Course, first: floa
     response = system.response(0.0, base)
     linear = _linear_path(system, base, both, phases)
     now, force = states - response, np.zeros((len(system.watch), len(members)))
+    before: NDArray | None = None  # where they were
     for n, phase in enumerate(phases):
         setting = course(first + n / steps)
         here = base if setting is start else setting.of(members)
@@ -249,9 +253,13 @@ def _turn_implicitly(system: Split, states: NDArray, course: Course, first: floa
         free = both @ now + linear(n)
         # the forces at the very start are those of a known place
         gain = both @ push if n else 0 * both @ push
-        force = _solved(system, free, gain, base.centre - here.centre, phase, here.field, force)
+        force = _solved(system, free, gain, base.centre - here.centre, phase, here.field, force,
+                        before)
         now = now + push @ force if n else now
-        place = _shifted((free + gain @ force)[:len(force)], base.centre - here.centre)
+        if n and seen is not None:
+            seen.append((now + system.response(phase, base))[:system.model.size])
+        before = (free + gain @ force)[:len(force)]
+        place = shifted(before, base.centre - here.centre)
         touching = ~(law.smallest_gap(place, phase) > 0)  # true for nan
         contact[touching & np.isnan(contact)] = first + n / steps
         now[:, touching] = force[:, touching] = 0.0
@@ -259,19 +267,27 @@ def _turn_implicitly(system: Split, states: NDArray, course: Course, first: floa
 
 
 def _solved(system: Split, free: NDArray, gain: NDArray, shift: NDArray, phase: float,
-            field: NDArray | float, force: NDArray) -> NDArray:
+            field: NDArray | float, force: NDArray, before: NDArray | None) -> NDArray:
     """What the linear part misses of the forces, N, (c, members), at the place and velocity free +
-    gain · force, (2c, members), by Newton from a guess; nan where there is no force there.
+    gain · force, (2c, members), by Newton from a guess, or where that is beyond a film from the
+    place `before`, (c, members); nan where there is no force there.
 
     Raises NoConvergence where a member finds none.
     """
     c, small = len(force), CLOSE * 1e-9 * system.model.length_scale
-    last, step = force, np.zeros_like(force)
+    last, step, left = force, np.zeros_like(force), np.full(force.shape[1], np.inf)
     for _ in range(40):
         state = free + gain @ force
-        there, slope, damping = _linear(system, _shifted(state[:c], shift), state[c:], phase, field)
-        lost = ~np.isfinite(there).all(axis=0)  # beyond a film or the gap: half the step
+        there, slope, damping = _linear(system, shifted(state[:c], shift), state[c:], phase, field)
         wanted = there - system.slope @ state[:c] - force
+        size = np.abs(gain[:c] @ wanted).max(axis=0)
+        # beyond a film or the gap, or nearly: half the step
+        lost = ~(size <= np.maximum(WILD * left, small))
+        left = np.where(lost, left, size)
+        if before is not None and lost.any() and np.isinf(left).any():
+            force = np.where(lost, np.linalg.solve(gain[:c], before - free[:c]), force)
+            last, before = force, None
+            continue
         matrix = np.eye(c) - (slope.transpose(2, 0, 1) - system.slope) @ gain[:c]
         if damping is not None:
             matrix = matrix - damping.transpose(2, 0, 1) @ gain[c:]
@@ -300,7 +316,7 @@ def _linear(system: Split, place: NDArray, rate: NDArray, phase: float,
     return force, slope, full[2]
 
 
-def _shifted(place: NDArray, by: NDArray) -> NDArray:
+def shifted(place: NDArray, by: NDArray) -> NDArray:
     """Coordinates with the generator's (x, z) moved."""
     moved = place.copy()
     moved[:2] += by

@@ -1,17 +1,20 @@
 """How a rotor leaves its orbit: where it arrives beyond a fold, and how much push it takes before.
 
 Beyond a fold there is no orbit to stay on, and two machines moved on by the same amount may end
-differently: it depends on the phase. `arrivals` counts. Long before the fold the basin of the orbit
-shrinks, so that a push that was harmless throws the rotor out: `integrity` after Soliman and
-Thompson (1989), who found that it goes suddenly and far from the loss of stability itself.
+differently: it depends on the phase. `arrivals` counts, a `Jump` follows some of them. Long before
+the fold the basin of the orbit shrinks, so that a push that was harmless throws the rotor out:
+`integrity` after Soliman and Thompson (1989), who found that it goes suddenly and far from the loss
+of stability itself.
 """
 
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,16 +23,21 @@ from hydrolab.dynamics.branches import Branch, SpecialPoint, orbits_at, stable_o
 from hydrolab.dynamics.ensemble import (
     CONTACT,
     OTHER,
+    Course,
     Progress,
     Setting,
     Split,
     advance,
     reached,
+    shifted,
     split_for,
     starts,
+    turn,
 )
 from hydrolab.dynamics.results import PeriodicOrbit
+from hydrolab.dynamics.slow_change import direction
 from hydrolab.errors import BadInput
+from hydrolab.machine.model import Model
 from hydrolab.machine.quantities import number, whole
 
 SAME = 0.05  # of the gap: orbits at neighbouring values that are this near belong to one family
@@ -109,22 +117,28 @@ def arrivals(branch: Branch, fold: int = 0, *, sizes: ArrayLike = SIZES, phases:
     # one at random in each of as many equal parts of the period
     parts = np.arange(phases) + np.random.default_rng(seed).random((len(sizes), phases))
     turns = q * parts / phases
-    unit = branch.direction[:, None] * orbit.model.gap
-    after = np.repeat(beyond, phases)
-    there = Setting(unit * after)
-
-    def course(time: float) -> Setting:
-        """Each is moved at its own phase of the first period."""
-        if time >= q:
-            return there
-        return Setting(unit * np.where(time < turns.ravel(), point.value, after))
-
+    course = _moved_on(orbit, np.repeat(beyond, phases), turns.ravel())
     begin = np.repeat(system.state(orbit)[:, None], turns.size, axis=1)
     states, _, made = advance(system, begin, course, q + revolutions, steps, progress=progress)
     ends, families = _families(system, states.reshape(len(states), len(sizes), phases),
                                [branch, *among], beyond)
     return Arrivals(point, sizes, 2 * math.pi * turns, ends, families, max(0, made - q),
                     system.told)
+
+
+def _moved_on(orbit: PeriodicOrbit, after: NDArray, turns: NDArray) -> Course:
+    """The course of machines on an orbit whose stators move on to their static eccentricities
+    `after`, each at its own time `turns` of the first period, (members,).
+    """
+    unit = direction(orbit)[:, None] * orbit.model.gap
+    there = Setting(unit * after)
+
+    def course(time: float) -> Setting:
+        if time >= orbit.revolutions:
+            return there
+        return Setting(unit * np.where(time < turns, orbit.static_eccentricity, after))
+
+    return course
 
 
 def _families(system: Split, states: NDArray, branches: Sequence[Branch],
@@ -270,3 +284,174 @@ def integrity(branch: Branch, values: ArrayLike | None = None, *,
                      np.array(ends, dtype=int).reshape(done, len(kick), len(push)),
                      float(last) if branch.folds else math.nan, speed, model.gap, stopped,
                      system.told if done else "")
+
+
+# ------------------------------------------------------------------ one motion over an edge
+
+STAYS = 4  # revolutions for which a motion must be on an orbit
+LEAVES = 0.02  # of the gap: farther from where it was, it has left
+BEFORE, AFTER = 4, 6  # revolutions shown before it leaves and after it has arrived
+
+
+class Jump:
+    """What a machine does that is on the last orbit there is when the stator moves on: as many
+    motions side by side as phases of that instant, integrated as long as one asks for it.
+
+    start: the orbit. value: to which the static eccentricity moves. orbits: the stable ones there,
+    labels: what they are called. members: how many motions. steps, modes: in a revolution, and of
+    the basis. most: revolutions after which a motion that has not ended is said not to repeat. ends
+    and contact: as in `Basins`, (members,); OTHER where a motion goes on. Raises BadInput where the
+    steps are too few.
+    """
+
+    def __init__(self, start: PeriodicOrbit, value: float, orbits: Sequence[PeriodicOrbit],
+                 labels: Sequence[Any], *, members: int = 24, steps: int = 96, modes: int = 6,
+                 most: int = 260) -> None:
+        self.start, self.value, self.steps, self.most = start, value, steps, most
+        self.orbits, self.labels = tuple(orbits), tuple(labels)
+        self.system = split_for(start, steps, modes)
+        self.turns = start.revolutions * np.arange(members) / members
+        self.course = _moved_on(start, np.full(members, value), self.turns)
+        self.states = np.repeat(self.system.state(start)[:, None], members, axis=1)
+        self.contact = np.full(members, np.nan)
+        self.kept: list[NDArray] = []
+        self.on = np.zeros(members, int)  # revolutions for which a motion has been on an orbit
+        self.ends, self.arrived = np.full(members, OTHER), np.full(members, most)
+
+    @property
+    def made(self) -> int:
+        """Revolutions integrated."""
+        return len(self.kept)
+
+    def work(self, seconds: float = math.inf) -> bool:
+        """Integrate for some seconds; True when all have ended."""
+        until = time.perf_counter() + seconds
+        while not (done := self.made >= self.most or bool((self.ends != OTHER).all())):
+            self._turn()
+            if time.perf_counter() > until:
+                break
+        return done
+
+    def _turn(self) -> None:
+        """One more revolution of all that go on."""
+        seen: list[NDArray] = []
+        going = np.flatnonzero(np.isnan(self.contact))
+        ends, self.contact[going] = turn(self.system, self.states[:, going], self.course, self.made,
+                                         self.steps, going, seen)
+        self.states[:, going] = np.where(np.isnan(self.contact[going]), ends, np.nan)
+        kept = np.full((self.steps // 2, self.system.model.size, len(self.ends)), np.nan)
+        kept[:, :, going] = seen[::2]
+        self.kept.append(kept)
+        found = reached(self.system, self.states, self.orbits)
+        self.on = np.where(found >= 0, self.on + 1, 0)
+        ended = (self.ends == OTHER) & ((found == CONTACT) | (self.on >= STAYS))
+        self.ends[ended] = found[ended]
+        self.arrived[ended] = self.made - STAYS * (found[ended] >= 0)
+
+    def member(self, ending: str, phase: float) -> int:
+        """The motion that ends on an "orbit" or at the "stator", or "any", moved at a phase (rad)
+        next to this one.
+        """
+        touches = self.ends == CONTACT
+        fits = {"orbit": ~touches, "stator": touches}.get(ending, touches | True)
+        away = np.abs((self.turns - phase / (2 * math.pi) + 0.5) % 1 - 0.5)
+        return int(np.argmin(np.where(fits, away, 9.0) if fits.any() else away))
+
+    def flight(self, member: int) -> Flight:
+        """One of the motions, from where it leaves to where it ends."""
+        q = np.concatenate([revolution[:, :, member] for revolution in self.kept])
+        start, touched = self.start, float(self.contact[member])
+        times = (2 * np.arange(len(q)) + (1 if self.system.implicit else 0.5)) / self.steps
+        if math.isfinite(touched):  # from the last sample straight on to the stator
+            end = int(np.searchsorted(times, touched))
+            q = np.concatenate([q[:end], [_touching(self, q[end - 2], q[end - 1],
+                                                              touched)]])
+            times = np.append(times[:end], touched)
+        place = self.system.watch[:, :q.shape[1]] @ q.T
+        gaps = self._gaps(place, times)
+        away = np.hypot(*(place[:2] - start.positions(2 * math.pi * times)))
+        left = np.flatnonzero(away > LEAVES * start.model.length_scale)
+        first = max(int(times[left[0]] if len(left) else 0) - BEFORE, 0)
+        last = min(self.arrived[member] + AFTER, self.made)
+        if math.isfinite(touched):
+            gaps[-1], last = 0.0, touched
+        return Flight(self.system.model, q, place[:2].T, gaps, times, float(first),
+                      float(last) - 1e-6, int(self.ends[member]), self.value)
+
+    def _gaps(self, place: NDArray, times: NDArray) -> NDArray:
+        """Smallest gaps at places of the nonlinear coordinates, (c, T), m, (T,)."""
+        centre = self.course(math.inf).centre[:, :1]
+        law = self.start.model.law
+        return law.smallest_gap(shifted(place, -centre), 2 * math.pi * times)
+
+    def __str__(self) -> str:
+        touching = int((self.ends == CONTACT).sum())
+        return (f"Of {len(self.ends)} machines moved at as many phases {touching} touch the "
+                "stator.")
+
+
+def _touching(jump: Jump, before: NDArray, last: NDArray, touched: float) -> NDArray:
+    """Where a motion that goes on straight from its last two samples meets the stator, (r,)."""
+    onward = last + np.linspace(0, 4, 401)[:, None] * (last - before)
+    gaps = jump._gaps(jump.system.watch[:, :len(last)] @ onward.T, np.full(401, touched))
+    return onward[int(np.argmax(~(gaps > 0)))]
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """A motion in time: q, (T, r), the rotor's x, z (m), (T, 2), and the smallest gap (m) at times
+    in revolutions, of which those from `first` to `last` are shown. ends: index of the orbit, −1
+    for the stator, −2 for none. value: of the static eccentricity.
+    """
+
+    model: Model
+    q: NDArray
+    path: NDArray
+    gaps: NDArray
+    times: NDArray
+    first: float
+    last: float
+    ends: int
+    value: float
+
+    def _at(self, rows: NDArray, phase: NDArray | float) -> NDArray:
+        """Rows at phases Ωt of the flight, linearly between the samples."""
+        moment = np.minimum(np.asarray(phase) / (2 * math.pi), self.last)
+        end = int(np.searchsorted(self.times, self.last))  # the last sample that is shown
+        place = np.clip(np.interp(moment, self.times, np.arange(len(self.times))), 0, end)
+        low = np.minimum(np.floor(place).astype(int), end - 1)
+        share = (place - low)[..., None]
+        return (1 - share) * rows[low] + share * rows[low + 1]
+
+    def nodes(self, phase: float) -> NDArray:
+        """x, z, θx, θz of the shaft's nodes at a phase, (nodes, 4, 1)."""
+        return self.model.at_nodes(self._at(self.q, phase)[:, None])
+
+    def rotor(self, phase: NDArray) -> NDArray:
+        """x, z of the rotor at phases, m, (…, 2)."""
+        return self._at(self.path, phase)
+
+    def first_harmonic(self, phase: float) -> float:
+        """1X in x over the revolution before a phase, m 0-to-peak."""
+        turns = phase + 2 * math.pi * np.arange(-24, 0) / 24
+        return float(abs(2 * np.mean(self.rotor(turns)[:, 0] * np.exp(1j * turns))))
+
+    def smallest_gap(self, phase: float) -> float:
+        """The smallest gap up to a phase, m; 0 where the stator is touched."""
+        now = phase / (2 * math.pi)
+        if self.ends == CONTACT and now >= self.last:
+            return 0.0
+        passed = self.gaps[(self.times >= self.first) & (self.times <= min(now, self.last))]
+        return float(passed.min()) if len(passed) else math.nan
+
+    @property
+    def shown(self) -> NDArray:
+        """The part of the path that is shown, m, (2, P)."""
+        return self.path[(self.times >= self.first) & (self.times <= self.last)].T
+
+    def words(self, names: Sequence[str]) -> str:
+        """What happens in it."""
+        end = ("it touches the stator, where the model ends" if self.ends == CONTACT else
+               "it does not come to repeat" if self.ends == OTHER else
+               f"it settles on {names[self.ends]}")
+        return f"Moved to {100 * self.value:.4g} %, {end} after {self.last:.0f} revolutions."

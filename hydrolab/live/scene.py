@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from viser import ViserServer
 
 from hydrolab.dynamics.branches import Branch
+from hydrolab.dynamics.escape import Flight, Jump
 from hydrolab.dynamics.harmonics import PERIOD, synthesise
 from hydrolab.errors import BadInput
 from hydrolab.figures.readings import reading
@@ -32,13 +33,12 @@ from hydrolab.live.moving_orbit import (
     FIELDS,
     SLOWED,
     UNBALANCES,
-    Flight,
-    Jump,
     LiveOrbit,
     Shown,
 )
 from hydrolab.live.poses import (
     Magnified,
+    at_stations,
     largest_bow,
     largest_exaggeration,
     magnified,
@@ -366,7 +366,8 @@ class MachineScene:
     def draw(self, phase: float) -> None:
         """Show the machine at a phase Ωt, rad."""
         flight, depths = self.flight, self.drawn.depths
-        real = flight.motion(phase - self._begun) if flight else self.drawn.motion(phase)
+        real = (at_stations(self.machine, flight.nodes(phase - self._begun))[2][..., 0] if flight
+                else self.drawn.motion(phase))
         motion = self.lens(real)
         places, leaning = positions(depths, motion), quaternions(motion)
         spinning = quaternions(motion, phase)
@@ -491,8 +492,8 @@ class MachineScene:
         first = math.ceil(self.flight.first / q) * q
         self._begun = self.phase - self.phase % (2 * math.pi * q) - 2 * math.pi * first
         self.held = False
-        names = [self.live.name(leg) for leg in jump.legs]
-        self._story = f"{self.flight.words(names)} {jump.words()}"
+        names = [self.live.name(leg) for leg in jump.labels]
+        self._story = f"{self.flight.words(names)} {jump}"
         self.where, self._eased = stations(self.machine, jump.start), 0.0
         self._dress()
 
@@ -504,7 +505,7 @@ class MachineScene:
             self.held = True
             self.phase = self._begun + 2 * math.pi * flight.last
             return
-        leg = jump.legs[flight.ends]
+        leg = jump.labels[flight.ends]
         self.shown = Shown(jump.orbits[flight.ends], leg, "stable",
                            f"{self.shown.words} {self._story}")
         self.where = stations(self.machine, self.shown.orbit)

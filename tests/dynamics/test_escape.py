@@ -6,15 +6,20 @@ import numpy as np
 import pytest
 
 from hydrolab import (
+    Arclength,
+    Newmark,
     arrivals,
     basins,
     follow,
+    integrate,
     integrity,
     orbits_at,
 )
 from hydrolab.dynamics.ensemble import CONTACT, OTHER
+from hydrolab.dynamics.escape import Jump
 from hydrolab.dynamics.reduction import reduce
 from hydrolab.errors import BadInput
+from tests.machines import MACHINES
 
 
 def touches_by_runge_kutta(orbit, turns, centres, revolutions, steps):
@@ -147,3 +152,22 @@ def test_integrity_refuses_and_keeps_what_was_done(branch):
                     revolutions=5, progress=stop)
     assert len(cut.values) == len(cut.ends) == 2
     assert "interrupted after 2 of 3" in str(cut)
+
+
+@pytest.mark.parametrize("name", ["film", "crack"])
+def test_over_an_edge_with_forces_that_are_solved_for(name):
+    """From the orbit at the fold, moved on at phase 0, against Newmark on fine steps."""
+    machine = MACHINES[name]()
+    model, speed = machine.model(), machine.speed
+    start = follow(model, speed=speed, to=0.3, method=Arclength(max_folds=1, tail=0)).at_fold()
+    value = start.static_eccentricity + 0.002
+    jump = Jump(start, value, [], [], members=3, most=5)
+    assert jump.work() and jump.made == 5 and np.isnan(jump.contact).all()
+    flight = jump.flight(0)
+    true = integrate(model, Newmark(2048), speed=speed, static_eccentricity=value, start=start,
+                     revolutions=5, modes=6)
+    turns = true.times * speed / (2 * np.pi)
+    mine = np.array([np.interp(turns, flight.times, column) for column in flight.path.T])
+    inside = (turns > 0.5) & (turns < 4.5)
+    moved = np.abs(true.positions - start.positions(2 * np.pi * turns))[:, inside].max()
+    assert np.abs(mine - true.positions)[:, inside].max() < 0.1 * moved
