@@ -186,29 +186,6 @@ def flipbook_figure(still: str, book: Mapping, live: str = "") -> str:
             f'<script type="application/json">{frames}</script>{link}</div>')
 
 
-SLIDES = """<!doctype html><html lang="en"><meta charset="utf-8"><title>hydrolab: figures</title>
-<style>
-  html {{ background: white; color: black; font: 3vmin/1.4 sans-serif;
-    scroll-snap-type: y mandatory }}
-  figure {{ align-items: center; box-sizing: border-box; display: flex; flex-direction: column;
-    gap: 2vmin; height: 100vh; justify-content: center; margin: 0; padding: 3vmin;
-    scroll-snap-align: start }}
-  img {{ min-height: 0; object-fit: contain; flex: 1 1 auto; max-width: 100% }}
-  b {{ display: block }}
-</style>
-{}
-<script>
-  addEventListener("keydown", (event) => {{
-    const turn = {{ ArrowRight: 1, ArrowDown: 1, PageDown: 1, " ": 1, ArrowLeft: -1, ArrowUp: -1,
-      PageUp: -1 }}[event.key];
-    if (!turn) return;
-    event.preventDefault();
-    scrollTo(0, (Math.round(scrollY / innerHeight) + turn) * innerHeight);
-  }});
-</script></html>
-"""
-
-
 def figures_page(book: Path) -> str:
     """One page that holds the stored figures of every chapter to project: one a screen, with the
     chapter above its caption; arrow keys turn.
@@ -223,7 +200,8 @@ def figures_page(book: Path) -> str:
                     shown.append(f'<figure id="{name[:2]}-{len(shown)}"><img alt="{alt}" '
                                  f'src="{picture}"><figcaption><b>{title}</b>{alt}</figcaption>'
                                  "</figure>")
-    return SLIDES.format("\n".join(shown))
+    page = (book / "_static" / "figures.html").read_text(encoding="utf-8")
+    return page.replace("FIGURES", "\n".join(shown))
 
 
 def bibliography_page(book: Path) -> str:
