@@ -274,7 +274,7 @@ def identify(machine: Machine, records: ProbeRecord | Sequence[ProbeRecord], fre
     require_machine(machine)
     records = [records] if isinstance(records, ProbeRecord) else list(records)
     same_probes(records)
-    begin, units = _begin(machine, free, start or {})
+    begin, units = _begin(machine, free, start or {}, prior or {})
     unknowns, method = _unknowns(machine, free, begin, prior or {}), balance or HarmonicBalance(4)
     known = range(min(method.harmonics, 4) + 1)
     if not set(orders) <= set(known) or not set(orders) - {0}:
@@ -320,15 +320,17 @@ def same_probes(records: Sequence[ProbeRecord]) -> None:
                            f"has {', '.join(first)}; records of one machine have the same.")
 
 
-def _begin(machine: Machine, free: Sequence[str],
-           start: Mapping[str, float]) -> tuple[dict[str, float], dict[str, str]]:
+def _begin(machine: Machine, free: Sequence[str], start: Mapping[str, float],
+           prior: Mapping[str, tuple[float, float]]) -> tuple[dict[str, float], dict[str, str]]:
     """Where the search begins and the units, by the keys that are free."""
     if isinstance(free, str) or not free or len(set(free)) < len(free):
         raise BadInput(f"free is {shown(free)}; it must be a list of different keys, such as "
                        '["bodies.generator.unbalance", "bodies.generator.phase"].')
     given = {key: STATOR[key] if key in STATOR else machine.number(key) for key in free}
-    if unknown := set(start) - set(given):
-        raise BadInput(f"start names {shown(min(unknown))}, which is not among the free numbers.")
+    for name, more in (("start", start), ("prior", prior)):
+        if unknown := set(more) - set(given):
+            raise BadInput(f"{name} names {shown(min(unknown))}, which is not among the free "
+                           f"numbers, {', '.join(free)}.")
     values = {key: value for key, (value, _) in given.items()}
     values |= {key: number(f"start[{key!r}]", value) for key, value in start.items()}
     return values, {key: unit for key, (_, unit) in given.items()}
@@ -348,7 +350,8 @@ def _unknowns(machine: Machine, free: Sequence[str], begin: Mapping[str, float],
     for key in free:
         if key in partners.values():
             continue
-        scale = prior[key][1] if key in prior else abs(begin[key]) or 1.0
+        known = number(f"prior[{key!r}][1]", prior[key][1], above=0) if key in prior else 1.0
+        scale = abs(begin[key]) or known
         keys = (key, partners[key]) if key in partners else (key,)
         found.append(Unknown(keys, scale, lobes.get(key, 1)))
     return found

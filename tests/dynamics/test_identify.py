@@ -150,6 +150,8 @@ BAD = [
     ((UNIT, RECORDS, [SIZE]), {"orders": (0,)}, "orders is"),
     ((UNIT, RECORDS, [SIZE]), {"orders": (1, 7)}, "0 to 4"),
     ((UNIT, RECORDS, [SIZE]), {"start": {GUIDE: 1.0}}, "start names"),
+    ((UNIT, RECORDS, [SIZE]), {"prior": {GUIDE: (1.0, 1.0)}}, "prior names"),
+    ((UNIT, RECORDS, [SIZE]), {"prior": {SIZE: (60.0, 0.0)}}, "larger than 0"),
     ((UNIT, RECORDS, [SIZE]), {"probe_error": 2.0}, "probe_error is 2"),
 ]
 
