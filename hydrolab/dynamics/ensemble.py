@@ -317,7 +317,8 @@ def _linear(system: Split, place: NDArray, rate: NDArray, phase: float,
 
 
 def shifted(place: NDArray, by: NDArray) -> NDArray:
-    """Coordinates with the generator's (x, z) moved."""
+    """Coordinates with the generator's (x, z) moved. place: (c, members), m. by: (2, members), m.
+    """
     moved = place.copy()
     moved[:2] += by
     return moved

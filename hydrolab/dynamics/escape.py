@@ -349,8 +349,8 @@ class Jump:
         self.arrived[ended] = self.made - STAYS * (found[ended] >= 0)
 
     def member(self, ending: str, phase: float) -> int:
-        """The motion that ends on an "orbit" or at the "stator", or "any", moved at a phase (rad)
-        next to this one.
+        """The motion moved next to a phase (rad) among those of an ending: "orbit", "stator" or
+        "any".
         """
         touches = self.ends == CONTACT
         fits = {"orbit": ~touches, "stator": touches}.get(ending, touches | True)
