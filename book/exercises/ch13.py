@@ -110,8 +110,8 @@ EXERCISES = {
         Mistake(lambda right: peak(0.5), "This is the right program's. His phase is another "
                 "function of time."),
         Mistake(lambda right: math.sqrt(plain().K[0, 0] / plain().M[0, 0]) / rpm(1),
-                "This is the critical speed. At which frequency does his unbalance turn when his "
-                "speed is that?"),
+                "This is the critical speed. His unbalance does not turn at the frequency of his "
+                "speed."),
         Mistake(lambda right: 2 * right, "This is the frequency at which his unbalance turns then; "
                 "the speed is asked for."),
     )),

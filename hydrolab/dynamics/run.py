@@ -145,10 +145,8 @@ def load_rejection(speed: float, *, to: float = 1.4, at: float = 5.0, rise: floa
     up = np.linspace(0, 1, CORNERS + 1)
     curve = np.concatenate([[0.0], (2 - up) * up, (1 + np.cos(np.pi * up[1:])) / 2, [0.0]])
     times = np.concatenate([[0.0], at + rise * up, at + rise + back * up[1:], [seconds]])
-    off = [] if trip is None else [at + trip, at + trip + DECAY]
-    field = "left on" if trip is None else f"tripped {trip:g} s after it"
-    return _joined(times, turning(speed) * (1 + (to - 1) * curve), off,
-                   f"a load rejection to {to:g} times {speed / RPM:.4g} rpm, the field {field}")
+    return _tripped(times, turning(speed) * (1 + (to - 1) * curve), at, trip,
+                    f"a load rejection to {to:g} times {speed / RPM:.4g} rpm")
 
 
 def coast_down(speed: float, *, half: float = 20.0, brakes: float = 0.2,
@@ -161,8 +159,8 @@ def coast_down(speed: float, *, half: float = 20.0, brakes: float = 0.2,
     number("braking", braking, above=0, unit="s")
     shares = np.geomspace(1, brakes, CORNERS + 1)
     times = half * (1 / shares - 1)
-    return _joined(np.append(times, times[-1] + braking), turning(speed) * np.append(shares, 0.0),
-                   [0.0, DECAY], f"a coast down from {speed / RPM:.4g} rpm")
+    return _tripped(np.append(times, times[-1] + braking), turning(speed) * np.append(shares, 0.0),
+                    0.0, 0.0, f"a coast down from {speed / RPM:.4g} rpm")
 
 
 def runaway(speed: float, *, to: float = 2.5, at: float = 5.0, rise: float = 10.0,
@@ -176,9 +174,8 @@ def runaway(speed: float, *, to: float = 2.5, at: float = 5.0, rise: float = 10.
     number("to", to, above=1)
     passed = np.linspace(0, 1, 2 * CORNERS + 1) * (seconds - at)
     times, grown = np.append(0.0, at + passed), np.append(0.0, 1 - np.exp(-passed / rise))
-    return _joined(times, turning(speed) * (1 + (to - 1) * grown),
-                   [] if trip is None else [at + trip, at + trip + DECAY],
-                   f"a runaway to {to:g} times {speed / RPM:.4g} rpm")
+    return _tripped(times, turning(speed) * (1 + (to - 1) * grown), at, trip,
+                    f"a runaway to {to:g} times {speed / RPM:.4g} rpm")
 
 
 def _ordered(**instants: float) -> None:
@@ -191,13 +188,15 @@ def _ordered(**instants: float) -> None:
         last, before = value, name.replace("_", " ")
 
 
-def _joined(times: NDArray, speeds: NDArray, off: list[float], story: str) -> Schedule:
-    """A schedule whose field is on until `off` begins and dead when it ends; on throughout where
-    there is none.
-    """
+def _tripped(times: NDArray, speeds: NDArray, lost: float, trip: float | None,
+             story: str) -> Schedule:
+    """A schedule whose field is switched off so many seconds after the load is lost, or left on."""
+    if trip is None:
+        return Schedule(times, speeds, 1.0, f"{story}, the field left on")
+    off = [lost + number("trip", trip, least=0, unit="s"), lost + trip + DECAY]
     every = np.union1d(times, [t for t in off if t < times[-1]])
-    fields = np.interp(every, off, [1, 0]) if off else np.ones(len(every))
-    return Schedule(every, np.interp(every, times, speeds), fields, story)
+    return Schedule(every, np.interp(every, times, speeds), np.interp(every, off, [1, 0]),
+                    f"{story}, the field off after {trip:g} s")
 
 
 @dataclass(frozen=True)
@@ -318,8 +317,7 @@ def _at_first(task: Moving, eccentricity: float, direction: float) -> NDArray:
 
 
 class Extreme(NamedTuple):
-    """The largest or smallest of something: its value, when, s, at which speed, rad/s, and of what.
-    """
+    """A largest or smallest value, when, s, at which speed, rad/s, and of what."""
 
     value: float
     time: float
@@ -328,9 +326,8 @@ class Extreme(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """The revolution in which the generator moves most about its mean: how far, m, in the middle of
-    which second, at which speed, rad/s, and how far it would in a steady state there, m; nan where
-    none was found.
+    """How far the generator moves about its mean in a revolution, m, when, s, at which speed,
+    rad/s, and how far in the steady state there, m; nan where none was found.
     """
 
     amplitude: float
@@ -487,7 +484,7 @@ class Run:
 
     @cached_property
     def passage(self) -> Passage | None:
-        """Where the generator moves most, beside a steady state there; None before a revolution."""
+        """The revolution in which the generator moves most; None before the first is over."""
         times, amplitudes = self.revolutions
         if not len(times):
             return None

@@ -88,6 +88,7 @@ BY_HAND = {
     "11.2": [-2, 4],
     "12.1": 2 * math.sqrt(2) * 83,
     "12.2": 6.3e-3 / (150 * RPM) * 31310,
+    "13.1": 100 / (20 * math.pi),
     "14.1": 4 * math.sqrt(2 / (20 * 64)),
     # the worst of two unit vectors 45° apart: half the angle between them
     "14.2": 1 / (math.sqrt(2) * math.sin(math.radians(22.5))),

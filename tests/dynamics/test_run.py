@@ -145,7 +145,7 @@ def test_a_rejection_with_the_field_left_on_is_the_worst(shipped):
                    check=False) for trip in (None, 1.0))
     assert on.passage.amplitude > 1.5 * off.passage.amplitude
     assert on.passage.amplitude > on.passage.steady  # it rings
-    assert "left on" in str(on) and "tripped 1 s" in str(off) and "not tried" in str(off)
+    assert "left on" in str(on) and "off after 1 s" in str(off) and "not tried" in str(off)
     force = on.largest_bearing_force
     assert on.bearing_forces[force.name][on.times == force.time] == force.value
     assert on.gaps.min() == on.smallest_gap.value
@@ -214,6 +214,7 @@ def test_the_schedules_are_what_their_words_say():
     (lambda m: Schedule([0, 1], [0, 0]), "a machine at rest needs no run"),
     (lambda m: start_up(rpm(150), flash=20), "flash is 20 s; it must be later than run up"),
     (lambda m: load_rejection(rpm(150), to=0.9), "to is 0.9; it must be larger than 1"),
+    (lambda m: load_rejection(rpm(150), trip=-1), "trip is -1 s; it must be at least 0"),
     (lambda m: coast_down("150"), "speed is '150'"),
     (lambda m: run(m, 150), "make one by start_up"),
     (lambda m: run(m, start_up(rpm(150)), steps_per_revolution=8), "from 16|at least 16"),
