@@ -176,7 +176,7 @@ def add_person(server: ViserServer, sizes: Sizes) -> None:
                         [0.11, 1.6], [0.11, 1.7], [0.001, PERSON]])
     points, faces = solids.swept(outline, steps=24)
     right, up, near = turn_of(sizes, 0.0).T
-    aside = 1.6 * near - right if sizes.lying else -1.12 * right
+    aside = -0.8 * near - 1.5 * right if sizes.lying else -1.12 * right
     where = max(sizes.stator, sizes.unit) * aside + floor_of(sizes) * up
     server.scene.add_mesh_simple("/person", points @ np.stack([right, -near, up]) + where, faces,
                                  color=(66, 84, 110), receive_shadow=False)
