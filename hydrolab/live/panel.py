@@ -38,6 +38,7 @@ GLIDE = 2.0  # s; in which a step of the run sheet brings the machine to its set
 SLOW = 40.0  # times slower than the machine
 MOTIONS = {"slow": 0.0, "one turn": 1.0, "step": 1 / 12}  # and how many revolutions
 AGAIN = "jump again"
+PHONE = 0.6  # width over height of a picture below which the controls are folded at first
 MOVES = ("slow: once more for the pace of before. one turn, or a twelfth of it, and stop. jump "
          "again: with the other ending, where there is one")
 STYLE = f"<style>{Path(__file__).with_name('panel.css').read_text(encoding='utf-8')}</style>"
@@ -333,7 +334,7 @@ class Controls:
         if self.sheet:
             with gui.add_folder("run sheet", order=3):
                 self._add_sheet(panel, self.sheet)
-        unfolded = aspect_of(client) >= PORTRAIT
+        unfolded = aspect_of(client) >= PHONE
         with gui.add_folder("machine", order=4, expand_by_default=unfolded):
             for slider in MACHINE:
                 self._add_slider(panel, slider)
