@@ -487,8 +487,8 @@ def newton_step(d: Disturbance, exponents: NDArray, going: NDArray,
         return np.where(near, pull, 0)
 
     # those whose copies are all far away, or long gone, have no part in it
-    poles = poles[(np.abs(poles.imag) < np.abs(s.imag).max() + (d.order + 1) * d.step)
-                  & (period * (s.real.min() - poles.real) < 50)]
+    poles = poles[(np.abs(poles.imag) < np.abs(s.imag).max(initial=0) + (d.order + 1) * d.step)
+                  & (period * (s.real.min(initial=np.inf) - poles.real) < 50)]
     # a mode that the forces do not touch has its zero on its pole, where f has no value
     on_pole = (np.abs(drawn(poles)) > 1e9 / d.step).any(axis=1)
     aside = np.where(on_pole, 1e-7 * d.step, 0)

@@ -117,7 +117,7 @@ class Board:
 
     unit: of the drawing, m. reach: of the branch's axes, % and µm. times: how much larger than in
     the machine the orbit is drawn. mean: what it is drawn about, m. labels: what is written on it,
-    by name.
+    by name. tall: whether the picture is higher than wide.
     """
 
     server: ViserServer

@@ -293,7 +293,7 @@ class Parts:
 
     def dress_pressure(self, away: NDArray, phase: float) -> None:
         """Colour the teeth by the pressure on them, (gap / local gap)² as of a field that the gap
-        alone weakens, for a rotor at x, z from the stator's centre, m.
+        alone weakens, for a rotor at x, z from the stator's centre, m, turned by its phase, rad.
         """
         gap, angle = self.machine.air_gap.gap, teeth(self.sizes)
         local = gap + self._out["stator"](angle) - self._out["rotor"](angle + phase) - (
@@ -345,7 +345,9 @@ class Parts:
                                               -1.05 * thick, 1.05 * thick), PAINT)
 
     def add_casing(self, height: float, radius: float) -> None:
-        """What stands around a runner, cut towards the view: its cone, and the wicket gates."""
+        """What stands around a runner of a radius, m, at a height, m, cut towards the view: its
+        cone, and the wicket gates.
+        """
         tip, (low, high) = 1.06 * TIP * radius, self.sizes.uncut
         cone = np.array([[tip, -0.3], [1.15 * tip, -1.0], [1.18 * tip, -1.0], [1.03 * tip, -0.3],
                          [1.03 * tip, 0.35], [tip, 0.35]]) * [1.0, radius]

@@ -65,7 +65,7 @@ def add_board(server: ViserServer, sizes: Sizes, branch: bool) -> Board:
 
 
 def around(sizes: Sizes, height: float, share: float = 1.0) -> NDArray:
-    """Points around the machine at a height, (12, 3) m."""
+    """Points around the machine at a height, (12, 3) m; share: of the distance that clears it."""
     wide = share * max(1.2 * sizes.stator, 1.5 * sizes.unit)
     return np.array([[wide * math.cos(a), wide * math.sin(a), height]
                      for a in np.linspace(0, 2 * math.pi, 12, endpoint=False)])
