@@ -115,6 +115,8 @@ def test_every_key_of_a_card_has_an_example_that_loads():
             del card["cracks"]
         if row.key == "air_gap.linear":  # of a round gap
             del card["poles"], card["shapes"]
+        if row.key == "poles.flux_share":  # of a round gap
+            del card["shapes"]
         table |= example
         assert isinstance(machine_from_card(card), Machine), row
         if row.needed:
