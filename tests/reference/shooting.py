@@ -83,7 +83,7 @@ class Shooting:
     def crossing(self, first, second, multiplier):
         """Eccentricity between two near orbits at which a real multiplier passes ±1."""
         a, b = self.state(first), self.state(second)
-        fixed = int(np.argmax(np.abs(b - a) / (np.abs(a) + np.abs(b))))
+        fixed = int(np.argmax(np.abs(b - a)[:self.size // 2]))  # the displacement that moves most
         last = {}
 
         def away(share):
