@@ -45,14 +45,21 @@ from hydrolab.dynamics.integrate import (
 from hydrolab.dynamics.reduction import truncation_error
 from hydrolab.errors import BadInput, Contact, NoConvergence
 from hydrolab.machine.model import Model
-from hydrolab.machine.quantities import number, require_model, shown, turning, vector, whole
+from hydrolab.machine.quantities import (
+    RPM,
+    number,
+    require_model,
+    shown,
+    turning,
+    vector,
+    whole,
+)
 
 PIECE = 32  # steps for which the linear machine is that of one speed
 SLOWEST = 0.25  # of the highest speed: below it a step is as long as there
 CORNERS = 24  # straight lines in place of a curve
 TOO_MUCH = 0.1  # of the largest motion: an error of the step that is said to be too much
 DECAY = 2.0  # s; in which a field that is switched off dies away
-RPM = math.pi / 30
 EVEN = 2 * np.pi * np.arange(64) / 64  # angles in a revolution at which a motion is looked at
 
 

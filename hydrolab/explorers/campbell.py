@@ -10,10 +10,10 @@ import numpy as np
 from hydrolab.dynamics.modes import campbell, modes
 from hydrolab.explorers.legs import guides
 from hydrolab.explorers.widget import FigureExplorer, View, at_work, slider
-from hydrolab.figures.drawing import RPM
 from hydrolab.figures.readings import listed
 from hydrolab.figures.style import COLOURS
 from hydrolab.machine import Machine, Model, load_machine, vary
+from hydrolab.machine.quantities import RPM
 
 MOST, POINTS = 8, 17  # modes, speeds
 

@@ -20,7 +20,6 @@ from hydrolab.machine.model import Model
 
 REVOLUTION = np.linspace(0.0, 2 * np.pi, 721)
 MM, UM = 1e3, 1e6  # from metres
-RPM = math.pi / 30  # in rad/s
 PALE = "#C8C8C8"  # what something is compared with
 
 

@@ -19,7 +19,6 @@ from hydrolab.dynamics.stability import Floquet
 from hydrolab.figures.drawing import (
     MM,
     REVOLUTION,
-    RPM,
     UM,
     draw_axis,
     draw_orbit,
@@ -40,6 +39,7 @@ from hydrolab.figures.readings import (
     verdicts,
 )
 from hydrolab.figures.style import COLOURS, LINES, house_style, new_figure, plane
+from hydrolab.machine.quantities import RPM
 
 # coefficients of the c nonlinear coordinates, (points, c, 2m + 1) → a length of each point, m
 Number = Callable[[NDArray], NDArray]

@@ -13,7 +13,7 @@ from hydrolab.dynamics.harmonics import long_axis, synthesise
 from hydrolab.dynamics.probes import ProbeRecord, motion_at
 from hydrolab.dynamics.results import PeriodicOrbit
 from hydrolab.dynamics.run import Run
-from hydrolab.figures.drawing import MM, REVOLUTION, RPM, UM, draw_orbit, frame
+from hydrolab.figures.drawing import MM, REVOLUTION, UM, draw_orbit, frame
 from hydrolab.figures.picture import Picture
 from hydrolab.figures.readings import listed, microns
 from hydrolab.figures.style import (
@@ -25,6 +25,7 @@ from hydrolab.figures.style import (
     new_figure,
     plane,
 )
+from hydrolab.machine.quantities import RPM
 
 SHOWN = (0.5, 1, 2, 3, 4)  # orders
 DARKEST = 1e-3  # of the largest amplitude: what is not told from nothing in a waterfall

@@ -25,6 +25,7 @@ from hydrolab.errors import BadInput
 
 SMALLEST, LARGEST = 1e-30, 1e30  # beyond these, powers of a number leave the range of floats
 TABLE = 1e3  # a matrix whose second column is larger by this is a table of speeds
+RPM = math.pi / 30  # rad/s in one revolution per minute
 LB, G0 = 0.45359237, 9.80665  # kg, m/s²: the pound, and the fall that makes it a pound-force
 UNITS: dict[str, dict[str, tuple[float, float]]] = {
     "m": {"m": (1, 1), "mm": (1, 1000), "µm": (1, 1_000_000), "in": (254, 10_000),
